@@ -358,7 +358,7 @@ def test_a_failure_that_does_not_pass_takes_no_token() -> None:
         ({"unwanted": True, "closing": "the client was closed"}, "its caller no longer wants it"),
         ({"_replacement": call()}, "its caller has sent another goal in its place"),
     ],
-    ids=str,
+    ids=["cancelled", "closed", "both", "replaced"],
 )
 def test_why_a_failure_that_may_pass_is_not_tried_again(change: dict[str, Any], why: str) -> None:
     machine = call()

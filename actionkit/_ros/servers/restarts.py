@@ -68,5 +68,5 @@ class RestartDetector:
 
     def _end(self) -> None:
         self.running = False
-        if max(self._answers.values()) == 1:  # the first probe is always sent before
+        if max(self._answers.values(), default=0) == 1:
             self._on_one_answers()
