@@ -133,7 +133,7 @@ def test_one_that_cannot_go_on_is_kept_until_it_is_closed() -> None:
         ({"retry": RetryPolicy(resend="server_gone")}, True),
         ({"retry": RetryPolicy.none(), "timeouts": Timeouts(feedback=1.0)}, False),
     ],
-    ids=str,
+    ids=["nothing", "a judge", "a limit of silence", "the server may go", "no retries"],
 )
 def test_what_may_be_sent_again_is_watched_from_the_beginning(
     settings: dict[str, Any], watched: bool
