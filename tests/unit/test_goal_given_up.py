@@ -289,6 +289,7 @@ def test_the_server_does_not_answer_and_accepts_after_all() -> None:
     life.wait_until(7.0)
     assert (life.end, life.report) == (End.NO_ACCEPTANCE, CancelReport.UNKNOWN)
     assert life.ending is not None
+    assert life.ending.status is GoalState.TIMED_OUT
     assert life.ending.news is LastNews.NOTHING
     life.wait_until(100.0)
     assert AskCancel() in life.see("accepted")
@@ -305,7 +306,7 @@ def test_a_goal_whose_request_was_dropped_is_asked_for_less_and_less_and_forgott
         life.tell("result", None, None)  # the server lives, and does not know it
         life.wait_until(min(life.timers.values()))
         assert life.now < 3600.0
-    assert life.now > 600.0
+    assert 800.0 < life.now < 900.0
     assert life.count(AskResult) < 15
     assert life.goal.facts.may_run  # it is told of as such, and nobody looks after it any more
     assert life.goal.facts.left
@@ -381,6 +382,28 @@ def test_an_unanswered_goal_is_rejected_after_all() -> None:
     assert life.end is End.REJECTED
 
 
+def test_an_unanswered_goal_may_be_lost_with_its_server() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    life.wait_until(5.0)
+    life.tell("server_lost", "gone")
+    assert life.end is End.LOST
+
+
+def test_an_unanswered_goal_that_is_accepted_and_not_cancelled_is_waited_for() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    life.wait_until(5.0)
+    life.see("accepted")
+    for _ in range(2):
+        life.tell("cancel_answered", CancelAnswer.REFUSED)
+        life.wait_until(life.now + DOUBT)
+    life.wait_until(100.0)
+    assert life.end is None
+    life.tell("result", GoalState.SUCCEEDED, 1)
+    assert (life.end, life.report) == (End.SUCCEEDED, CancelReport.REFUSED)
+
+
 # --- silence -----------------------------------------------------------------------------------
 
 
@@ -413,6 +436,19 @@ def test_a_goal_that_stalled_and_is_refused_its_cancel_is_waited_for_no_longer()
     assert life.end is None
     life.wait_until(3.0)
     assert (life.end, life.report) == (End.STALLED, CancelReport.REFUSED)
+    assert life.ending is not None
+    assert life.ending.status is GoalState.TIMED_OUT
+
+
+@pytest.mark.parametrize("lost", [("server_lost", "gone"), ("result", None, None)])
+def test_a_goal_that_stalled_and_is_lost_is_lost(lost: tuple[Any, ...]) -> None:
+    life = Life(feedback=1.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(1.0)
+    for _ in range(2):
+        life.tell(*lost)
+        life.wait_until(life.now + DOUBT)
+    assert life.end is (End.LOST if lost[0] == "server_lost" else End.RESULT_LOST)
 
 
 # --- the caller cancels ------------------------------------------------------------------------
@@ -430,6 +466,12 @@ def test_a_cancelled_goal_is_cancelled() -> None:
     assert life.states[-1] is GoalState.CANCELING
     life.tell("result", GoalState.CANCELED, None)
     assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.CONFIRMED)
+    assert life.states == [
+        GoalState.SENT,
+        GoalState.ACCEPTED,
+        GoalState.CANCELING,
+        GoalState.CANCELED,
+    ]
 
 
 def test_a_cancelled_goal_that_was_not_accepted_so_far_is_cancelled_on_acceptance() -> None:
@@ -1112,6 +1154,7 @@ def test_closing_cancels() -> None:
     assert AskCancel() in life.tell("close", abandon=False)
     life.tell("result", GoalState.CANCELED, None)
     assert (life.end, life.report) == (End.CLOSED, CancelReport.CONFIRMED)
+    assert life.states == [GoalState.SENT, GoalState.ACCEPTED, GoalState.CANCELED]
 
 
 def test_closing_is_refused() -> None:

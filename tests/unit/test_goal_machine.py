@@ -207,8 +207,10 @@ def test_duplicates_of_everything_else() -> None:
 def test_states_never_go_back() -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED)
-    for state in (GoalState.CANCELING, GoalState.EXECUTING, GoalState.ACCEPTED):
+    forth = [GoalState.ACCEPTED, GoalState.EXECUTING, GoalState.CANCELING]
+    for state in (*forth, *reversed(forth)):
         life.tell("status", state)
+    assert life.states == [GoalState.SENT, *forth]
     assert life.goal.state is GoalState.CANCELING
 
 
@@ -443,6 +445,7 @@ def test_nobody_asks_for_ever_for_the_result_of_a_goal_whose_caller_is_gone() ->
     life.wait_until(5.0)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.CONFIRMED)
     life.wait_until(20.0)
+    assert life.all.count(AskResult()) == 3
     assert life.count(Release) == 1
 
 
