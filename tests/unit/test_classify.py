@@ -313,12 +313,23 @@ def test_a_function_that_raises_gives_no_verdict(error: BaseException, told: str
         assert not said.impossible
 
 
-@pytest.mark.parametrize("wrong", [True, "SUCCESS", 1, Verdict, Unprintable()], ids=type)
-def test_a_function_that_returns_nonsense_gives_no_verdict(wrong: Any) -> None:
-    said = call_classifier(lambda _: wrong, outcome())
-    assert isinstance(said, Fault)
-    assert "neither a Verdict nor None" in said.problem
-    assert said.cause is None
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (True, "True"),
+        ("SUCCESS", "'SUCCESS'"),
+        (1, "1"),
+        (Verdict, "<enum 'Verdict'>"),
+        (Unprintable(), "a value of type Unprintable"),
+    ],
+)
+def test_a_function_that_returns_nonsense_gives_no_verdict(wrong: Any, told: str) -> None:
+    def judge(_: object) -> Any:
+        return wrong
+
+    said = call_classifier(judge, outcome())
+    name = f"`classify={judge.__qualname__}`"
+    assert said == Fault(f"{name} returned {told}, which is neither a Verdict nor None")
 
 
 @pytest.mark.parametrize("result", [None, Fibonacci.Result(), NestedMessage.Result()])
@@ -357,7 +368,8 @@ def test_what_can_be_judged_a_success(
         assert said.impossible
         assert said.cause is error
         told = lack or ("it has no result" if sent == "nothing" else "its result is empty")
-        assert said.problem.endswith(f"called it a SUCCESS, though {told}")
+        assert said.problem.startswith("`classify=test_what_can_be_judged_a_success.")
+        assert said.problem.endswith(f"` called it a SUCCESS, though {told}")
     # By a field it has no opinion of what cannot be one, so that its own error stands.
     if sent == "full":
         assert BY_FIELD(judged) is (None if lack else SUCCESS)
