@@ -380,6 +380,19 @@ def test_what_somebody_else_cancels_is_not_tried_again() -> None:
     assert effects == [cx.Count(success=False), *ends(ending)]
 
 
+def test_nor_is_it_if_that_is_seen_before_the_next_goal_is_sent() -> None:
+    machine, attempt = in_a_pause(**OVER)
+    machine.resume(NOW)
+    machine.server_ready()
+    attempt.goal.facts.others_cancel = True
+    ending = with_goals(machine, LOST, not_retried="somebody else has cancelled it")
+    assert machine.turn(NOW) == ends(ending)
+    attached = call(attaches=True)
+    queue(attached)
+    attached.goals.facts_left[0].others_cancel = True
+    assert attached.turn(NOW) == [cx.Send()]  # it is followed to its end
+
+
 def test_the_plan_may_be_to_give_up() -> None:
     for before, told in (
         ("", "that was it"),
