@@ -95,10 +95,11 @@ def test_what_is_installed_is_read_without_importing_it(
     package("pick_msgs.msg", lines("pick_msgs", "msg", "Object"))
     assert installed() == ("ab/action/Dig", "pick_msgs/action/Pick", "pick_msgs/action/Place")
     assert installed("msg") == ("pick_msgs/msg/Object",)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [""])  # the current folder
-    installed.cache_clear()
-    assert "ab/action/Dig" in installed()
+    with monkeypatch.context() as patch:  # which ends before that of `package`
+        patch.chdir(tmp_path)
+        patch.setattr(sys, "path", [""])  # the current folder
+        installed.cache_clear()
+        assert "ab/action/Dig" in installed()
 
 
 @pytest.mark.parametrize(
