@@ -5,8 +5,10 @@ from __future__ import annotations
 import itertools
 import pickle
 import re
+import time
 import uuid
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -158,8 +160,18 @@ TEXT = """\
 13000.0 ms  #2  SUCCEEDED"""
 
 
-def test_the_text_of_a_timeline() -> None:
+def test_the_text_of_a_timeline(monkeypatch: pytest.MonkeyPatch) -> None:
     assert str(STORY) == TEXT
+    printed: list[str] = []
+    STORY._repr_pretty_(SimpleNamespace(text=printed.append), False)
+    assert printed == [TEXT]
+    monkeypatch.setenv("TZ", "XXX-9")  # dates are in UTC everywhere
+    try:
+        time.tzset()
+        assert str(STORY) == TEXT
+    finally:
+        monkeypatch.undo()
+        time.tzset()
 
 
 def test_the_text_of_nothing() -> None:
