@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import importlib
+import itertools
 import json
 import math
 import pickle
@@ -452,7 +453,7 @@ OTHERS: list[Refusal] = [
     (BasicTypes, {"int32_value": "5"}, FieldTypeError, "int32_value", "'5' is of type str"),
     (BasicTypes, {"int32_value": numpy.bool_(True)}, FieldTypeError, "int32_value", "needs an int"),
     (BasicTypes, {"int32_value": numpy.array(1)}, FieldTypeError, "int32_value", "needs an int"),
-    (BasicTypes, {"int32_value": 10**5000}, FieldError, "int32_value", "too long to show"),
+    (BasicTypes, {"int32_value": 10**5000}, FieldError, "int32_value", "<int too long to show>"),
     (BasicTypes, {"float64_value": False}, FieldTypeError, "float64_value", "needs a float"),
     (BasicTypes, {"float64_value": "1e3"}, FieldTypeError, "float64_value", "'1e3' is of type str"),
     (BasicTypes, {"bool_value": 1}, FieldTypeError, "bool_value", "1 is of type int"),
@@ -1218,9 +1219,35 @@ class Untouchable(array):  # type: ignore[type-arg]
         raise AssertionError("walked through element by element")
 
 
+class UntouchableVector(numpy.ndarray):  # type: ignore[type-arg]
+    """The same of numpy's."""
+
+    def tolist(self) -> Any:
+        raise AssertionError("walked through element by element")
+
+
 def test_arrays_of_the_right_type_are_not_walked_through() -> None:
     big = Untouchable("i", [1, 2, 3])
     assert from_plain(Fibonacci.Result, {"sequence": big}).sequence.tolist() == [1, 2, 3]
+    for name in (*INTEGERS, "float32", "float64"):
+        vector = numpy.array([1, 2, 3], dtype=name).view(UntouchableVector)
+        message = from_plain(UnboundedSequences, {f"{name}_values": vector})
+        assert list(getattr(message, f"{name}_values")) == [1, 2, 3]
+
+
+def test_the_bytes_of_an_array_are_not_taken_for_those_of_another_type() -> None:
+    names = (*INTEGERS, "float32", "float64")
+    for name, other, number in itertools.product(names, names, (3, -3, 2**31, 0.5)):
+        vector = numpy.array([number]).astype(other)
+        if vector[0] != number:
+            continue
+        low, high = INTEGERS.get(name, (-math.inf, math.inf))
+        if low <= number <= high and not (name in INTEGERS and other.startswith("float")):
+            message = from_plain(UnboundedSequences, {f"{name}_values": vector})
+            assert list(getattr(message, f"{name}_values")) == [number]
+        else:
+            with pytest.raises(FieldProblem, match=rf"^{name}_values\[0\]: "):
+                from_plain(UnboundedSequences, {f"{name}_values": vector})
 
 
 @pytest.mark.parametrize("dtype", ["float32", "float64", "int64"])

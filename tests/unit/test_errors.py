@@ -99,11 +99,13 @@ def test_an_error_travels_between_processes_with_all_it_knows(cls: Any, copied: 
     error = cls(
         "text",
         action_name="/fibonacci",
-        goal_id=uuid.uuid4(),
+        goal_id=EVENT.goal_id,
         attempts=2,
         timeline=(EVENT,),
         elapsed=1.5,
     )
+    assert (error.action_name, error.goal_id, error.attempts) == ("/fibonacci", EVENT.goal_id, 2)
+    assert (error.timeline, error.elapsed) == ((EVENT,), 1.5)
     error.cancel = CancelReport.REFUSED
     for name, value in OWN_FACTS.get(cls.__name__, {}).items():
         setattr(error, name, value)
