@@ -1026,6 +1026,8 @@ def test_to_plain_shortens_long_arrays_when_asked() -> None:
     assert to_plain(result, max_items=1000) == to_plain(result)
     assert to_plain(Arrays(), max_items=0)["string_values"] == ["… 3 more"]
     assert to_plain(Arrays(), max_items=2)["int32_values"] == [0, 0, "… 1 more"]
+    inside = to_plain(MultiNested(), max_items=2)["array_of_arrays"]
+    assert [len(inside), inside[2], inside[0]["int32_values"][2]] == [3, "… 1 more", "… 1 more"]
 
 
 def test_to_plain_shows_messages_that_no_check_has_seen() -> None:

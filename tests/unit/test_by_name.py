@@ -38,10 +38,9 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Package
         (folder.parent / "__init__.py").touch()
         (folder / "__init__.py").write_bytes(text.encode("latin-1"))
 
-    with monkeypatch.context() as patch:
-        patch.setattr(sys, "path", [str(tmp_path)])
-        forget(made)
-        yield make
+    monkeypatch.setattr(sys, "path", [str(tmp_path)])
+    forget(made)
+    yield make
     forget(made)
 
 
