@@ -305,14 +305,15 @@ def test_limits_within_arrays() -> None:
     assert "int32_values[2]: 0 is outside" in numbers.check({"int32_values": [1, 1, 0]})[1][0]
 
 
-BASIC = goal_model(
-    "test_msgs.action:NestedMessage.Goal",
-    {
-        "nested_field.float64_value": {"minimum": -1.0, "maximum": 1.0},
-        "nested_field.float32_value": {"minimum": -0.1, "maximum": 0.1},
-        "nested_field.int32_value": {"enum": [1, 2], "default": 1},
-    },
-)
+def basic() -> GoalModel:
+    return goal_model(
+        "test_msgs.action:NestedMessage.Goal",
+        {
+            "nested_field.float64_value": {"minimum": -1.0, "maximum": 1.0},
+            "nested_field.float32_value": {"minimum": -0.1, "maximum": 0.1},
+            "nested_field.int32_value": {"enum": [1, 2], "default": 1},
+        },
+    )
 
 
 @pytest.mark.parametrize(
@@ -343,7 +344,7 @@ BASIC = goal_model(
 )
 @pytest.mark.every
 def test_values_outside_of_limits(name: str, value: Any, part: str) -> None:
-    _, problems = BASIC.check({"nested_field": {name: value}})
+    _, problems = basic().check({"nested_field": {name: value}})
     assert len(problems) == 1
     assert part in problems[0]
     assert len(problems[0]) < 700
@@ -439,7 +440,7 @@ def test_the_length_of_an_array(path: str, limits: Any, values: Any, told: str |
 
 def test_numbers_are_sent_within_limits_also_after_rounding() -> None:
     for value in (0.1, -0.1, 0.09999999999, 1e-46, -1e-46, 0.0):
-        fields, problems = BASIC.check({"nested_field": {"float32_value": value}})
+        fields, problems = basic().check({"nested_field": {"float32_value": value}})
         assert problems == []
         sent = fields["nested_field"]["float32_value"]
         assert -0.1 <= sent <= 0.1
@@ -456,7 +457,7 @@ def test_numbers_are_sent_within_limits_also_after_rounding() -> None:
     for edge in (-1, -1.0, 0.5):
         assert exact.check({"float32_value": edge}) == ({"float32_value": edge}, [])
     for whole in (-1, 1):
-        assert BASIC.check({"nested_field": {"float64_value": whole}})[1] == []
+        assert basic().check({"nested_field": {"float64_value": whole}})[1] == []
     # As a float, this whole number is the limit.
     large = goal_model("test_msgs.msg:BasicTypes", {"float64_value": {"maximum": 2.0**53}})
     assert "is outside" in large.check({"float64_value": 2**53 + 1})[1][0]
@@ -503,7 +504,7 @@ def test_problems_are_few_and_short(name: str, monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr("actionkit.agents._problems.similar_names", similar)
     many = {f"{name}{i}": i for i in range(49_000 if len(name) < 10 else 100)}
-    _, problems = BASIC.check(many)
+    _, problems = basic().check(many)
     assert len(problems) == 10
     assert len("".join(problems)) < 5000
     # A name takes some 0.1 ms, a long one far more, and nothing else is done meanwhile.
