@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import uuid
 from concurrent.futures import CancelledError
+from contextlib import nullcontext
 from dataclasses import asdict
 from types import SimpleNamespace
 from typing import Any
@@ -14,11 +16,13 @@ from nav_msgs.msg import Path
 from test_msgs.action import Fibonacci
 
 from actionkit import (
+    ActionKitError,
     CancelReport,
     DeadlineExceededError,
     FeedbackStalledError,
     GoalAbortedError,
     GoalFate,
+    GoalRejectedError,
     GoalReport,
     GoalState,
     Outcome,
@@ -26,7 +30,7 @@ from actionkit import (
 )
 from actionkit._calls.call_view import GoalsOfCall
 from actionkit._goal.facts import GoalFacts
-from actionkit.agents._goal_call import question_of
+from actionkit.agents._goal_call import _ask, _Refused, question_of
 from actionkit.agents._goals import GoalRecord, Goals
 from actionkit.agents._results import goal_value
 
@@ -164,13 +168,23 @@ def test_an_earlier_goal_that_may_run_is_told_of_where_the_last_one_has_ended() 
     assert (told["status"], told["may_still_run"]) == ("aborted", True)
 
 
-@pytest.mark.parametrize("fate", [GoalFate.ENDED, GoalFate.LOST])
-def test_what_may_run_is_not_to_be_tried_again(fate: GoalFate) -> None:
+@pytest.mark.parametrize(
+    ("fate", "error", "retry"),
+    [
+        (GoalFate.ENDED, ServerLostError, True),
+        (GoalFate.LOST, ServerLostError, False),
+        (GoalFate.REJECTED, GoalRejectedError, False),
+    ],
+)
+@pytest.mark.every
+def test_what_may_run_or_cannot_succeed_is_not_to_be_tried_again(
+    fate: GoalFate, error: type[ActionKitError], retry: bool
+) -> None:
     goal = GoalReport(uuid.uuid4(), fate)
     outcome: Outcome[Any] = Outcome(
-        status=GoalState.LOST,
+        status=GoalState.REJECTED if error is GoalRejectedError else GoalState.LOST,
         result=None,
-        error=ServerLostError("it went away"),
+        error=error("for the test"),
         attempts=1,
         timeline=(),  # type: ignore[arg-type]
         goal_id=goal.goal_id,
@@ -179,7 +193,18 @@ def test_what_may_run_is_not_to_be_tried_again(fate: GoalFate) -> None:
     )
     told = asdict(goal_value("count", outcome, None, ""))
     assert told["may_still_run"] == (fate is GoalFate.LOST)
-    assert told["error"]["retry"] == (fate is GoalFate.ENDED)
+    assert told["error"]["retry"] == retry
+
+
+@pytest.mark.parametrize(("answer", "sends"), [(True, True), (False, False), ("yes", False)])
+@pytest.mark.every
+def test_nothing_but_true_is_an_approval(answer: Any, sends: bool) -> None:
+    async def approve(request: Any) -> Any:
+        return answer
+
+    tool: Any = SimpleNamespace(name="count", action="/fibonacci")
+    with nullcontext() if sends else pytest.raises(_Refused, match="did not approve"):
+        asyncio.run(_ask(tool, Fibonacci.Goal(), approve))
 
 
 def test_what_is_stopped_while_its_goal_is_handed_over_is_cancelled() -> None:

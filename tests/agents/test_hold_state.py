@@ -18,6 +18,7 @@ from actionkit._ros.holds import files, state
 from actionkit._ros.holds import view as views
 from actionkit._ros.holds.files import HoldFiles, UnreadableError
 from actionkit._ros.holds.state import Hold, HoldState, Sender, decode, encode, merged
+from actionkit._ros.holds.topic import Speaker
 from actionkit._ros.holds.view import HoldView
 
 IDS = st.sampled_from([f"id{number}" for number in range(6)])
@@ -280,6 +281,28 @@ def test_a_file_that_cannot_be_read_is_no_file_that_tells_nothing(
     assert "Permission denied" in view.known()[1]
     monkeypatch.undo()
     assert view.known()[1] == ""
+
+
+@pytest.mark.parametrize("shares_files", [True, False])
+def test_who_is_in_sight_and_has_not_been_heard_may_know_of_a_hold(shares_files: bool) -> None:
+    view = HoldView(7, "agent", speaks=False)
+    own, other = Speaker("own", b"1", True), Speaker("other", b"2", shares_files)
+    assert not view._who_is_silent([own], "own", 0.0)
+    assert view._who_is_silent([own, other], "own", 0.0)
+    # One with the same files has written it into one; who has others may never be heard.
+    assert view._who_is_silent([own, other], "own", views._FILES_DO) is not shares_files
+    view._heard["other"] = views.Said(SENDER, HoldState(), 0.0)
+    assert not view._who_is_silent([own, other], "own", 99.0)
+
+
+def test_a_message_that_was_not_read_yet_may_be_a_hold(directory: Path) -> None:
+    view = HoldView(7, "agent", speaks=False)
+    view._settled, view._looked = True, views._uptime()  # it has heard all others
+    assert view.surely_free
+    view._on_text(encode(HoldState()))
+    assert not view.surely_free
+    assert view.known() == (HoldState(), "")
+    assert view.surely_free
 
 
 @pytest.mark.every

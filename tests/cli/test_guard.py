@@ -14,6 +14,7 @@ import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from test_msgs.action import Fibonacci
@@ -22,6 +23,8 @@ from actionkit import Ledger
 from actionkit._internal_api import client_in_domain
 from actionkit.cli import main
 from actionkit.cli._shared.exits import Exit
+from actionkit.cli.guard import _program
+from actionkit.cli.guard._program import Program
 from actionkit.servers import Server
 from tests import forked
 from tests.waiting import until
@@ -303,6 +306,41 @@ def test_a_guard_that_nobody_hears_cancels_all_the_same(path: Path, ros_domain: 
     with forked.Popen(words, stderr=write, env=dict(os.environ)) as guard:
         os.close(write)
         assert guard.wait(ENOUGH) == -signal.SIGKILL
+
+
+def test_a_signal_does_not_end_the_guard_while_it_cancels(path: Path, ros_domain: int) -> None:
+    leaves = [sys.executable, "-c", LEAVES, str(path), str(uuid.uuid4()), str(ros_domain)]
+    words = [sys.executable, "-m", "actionkit", "guard", "--timeout", "0.5", *leaves, "/nobody"]
+    pipe = subprocess.PIPE
+    with forked.Popen(words, stdout=pipe, stderr=pipe, text=True, env=dict(os.environ)) as guard:
+        assert guard.stderr is not None
+        assert "has left goals, which are cancelled now" in guard.stderr.readline()
+        guard.send_signal(signal.SIGTERM)
+        assert guard.wait(ENOUGH) == 0
+        _, err = rest(guard)
+    assert "cancelling the goals that the program has left. Again, and it ends at once" in err
+    assert "goals MAY STILL BE RUNNING" in err
+
+
+@pytest.mark.parametrize("warned", [False, True])
+def test_what_does_not_end_is_killed(warned: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    now, sent, said = 0.0, list[tuple[float, int]](), list[str]()
+    program = Program(set, said.append)
+    program.told, program._heard = True, {99} if warned else set()
+
+    def hear(pids: set[int], seconds: float = 1.0) -> bool:
+        nonlocal now
+        now += 1.0
+        return False
+
+    monkeypatch.setattr(_program, "time", SimpleNamespace(monotonic=lambda: now))
+    monkeypatch.setattr(_program, "_ended", dict)  # else it would wait for the test's children
+    monkeypatch.setattr(program, "_hear", hear)
+    monkeypatch.setattr(program, "_send", lambda pid, number: sent.append((now, number)))
+    assert not program._await(lambda: {99}, lambda: False)
+    # One that has had Ctrl-C may need a moment.
+    assert sent == [(4.0 if warned else 0.0, signal.SIGTERM), (8.0, signal.SIGKILL)]
+    assert said[-1].endswith("cannot be ended")
 
 
 def test_a_ledger_that_was_removed_tells_nothing(path: Path, tmp_path: Path) -> None:

@@ -173,7 +173,7 @@ def test_without_a_share_there_are_counters_and_the_time(world, terminal) -> Non
 
 def test_ctrl_c_cancels_and_twice_leaves(world, terminal) -> None:
     server = world.server("slow_cancel", gate=1)
-    shown = terminal("call", "slow_cancel", FIBONACCI, "{}", "--cancel-timeout", "30")
+    shown = terminal("call", "slow_cancel", FIBONACCI, "{}", "--cancel-timeout", "15")
     shown.until("EXECUTING")
     shown.press(CTRL_C)
     shown.until("Canceling goal... (Ctrl-C; once more leaves at once)")
@@ -182,6 +182,7 @@ def test_ctrl_c_cancels_and_twice_leaves(world, terminal) -> None:
     shown.until("CANCELING")
     shown.press_until_it_ends(CTRL_C)
     assert shown.finish() == Exit.INTERRUPTED
+    assert "Left at once. Goal" in shown.text
     assert "MAY STILL BE RUNNING" in shown.text
     assert shown.raw.rindex(SHOW_CURSOR) > shown.raw.rindex("CANCELING")
     server.release(1)

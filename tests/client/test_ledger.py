@@ -10,7 +10,7 @@ import threading
 import time
 import uuid
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, suppress
+from contextlib import closing, nullcontext, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,9 +18,9 @@ import pytest
 
 import actionkit as ak
 from actionkit import Ledger, RetryPolicy
-from actionkit._calls.ledger.file import flush
+from actionkit._calls.ledger.file import _Writer, flush
 from actionkit._calls.ledger.store import attempt_id
-from actionkit._leftovers import finding
+from actionkit._leftovers import cancelling, finding
 from actionkit._leftovers.cancelling import _report
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.tools.cancel import CancelSaid
@@ -588,6 +588,15 @@ def test_mcp_goes_on_cancelling_what_does_not_stop_at_once(
     assert runs_nothing(server)
 
 
+def test_a_client_waits_at_its_end_until_its_goals_are_removed():
+    disk, removed = threading.Event(), []
+    writer = _Writer()
+    writer.soon(lambda: removed.append(disk.wait(20)))
+    threading.Timer(0.1, disk.set).start()
+    writer.flush()
+    assert removed == [True]
+
+
 def test_all_ledgers_of_a_process_have_one_thread(tmp_path):
     ledgers = [Ledger(tmp_path / f"{number}.db") for number in range(3)]
     assert len({ledger.path for ledger in ledgers}) == 3
@@ -596,6 +605,8 @@ def test_all_ledgers_of_a_process_have_one_thread(tmp_path):
 
 FIRST = uuid.uuid4()
 SECOND = attempt_id(FIRST, 2)
+KIND = "test_msgs/action/Fibonacci"
+LEFT = ak.Leftover(FIRST, "/a", KIND, 0, 2, judged=False, parallel=True, sent=0.0, pid=1, host="h")
 
 
 @pytest.mark.parametrize(
@@ -625,15 +636,30 @@ def test_a_goal_that_is_accepted_late_is_found(how, state, finds, monkeypatch):
     assert list(finding.find(None, [call], until)) == [(call, one) for one in finds]
 
 
-@pytest.mark.parametrize("may_come", [True, False])
-def test_a_goal_that_may_be_accepted_yet_is_asked_for_until_then(may_come, monkeypatch):
+UNKNOWN, ACCEPTED = CancelAnswer.UNKNOWN_GOAL, CancelAnswer.ACCEPTED
+
+
+@pytest.mark.parametrize(
+    ("may_come", "servers", "answers", "knows"),
+    [
+        (False, 1, [(1, UNKNOWN)], False),
+        (True, 1, [(1, UNKNOWN), (2, ACCEPTED)], True),
+        (False, 2, [(1, UNKNOWN), (1, ACCEPTED)], True),
+        (False, 2, [(1, UNKNOWN), (1, UNKNOWN)], False),
+    ],
+    ids=["no server knows it", "it comes late", "the other server has it", "neither has it"],
+)
+@pytest.mark.every
+def test_a_goal_that_may_be_accepted_yet_or_elsewhere_is_asked_for_until_then(
+    may_come, servers, answers, knows, monkeypatch
+):
     class Canceller:
         def __init__(self, names, put, place):
             self.put = put
 
         def cancel(self, goal_id):
-            self.put(CancelSaid(goal_id, CancelAnswer.UNKNOWN_GOAL, 1))
-            self.put(CancelSaid(goal_id, CancelAnswer.ACCEPTED, 2))
+            for request, answer in answers:
+                self.put(CancelSaid(goal_id, answer, request))
 
         def stop(self, goal_id):
             pass
@@ -642,11 +668,11 @@ def test_a_goal_that_may_be_accepted_yet_is_asked_for_until_then(may_come, monke
             pass
 
     monkeypatch.setattr(finding, "GoalCanceller", Canceller)
-    monkeypatch.setattr(finding, "in_sight", lambda client: 1)
+    monkeypatch.setattr(finding, "in_sight", lambda client: servers)
     port = SimpleNamespace(names=None, runtime=SimpleNamespace(place=None))
     client = SimpleNamespace(_session=SimpleNamespace(port=port))
-    answers = finding.asked(client, [FIRST], time.monotonic() + 30, lambda _: may_come)
-    assert list(answers) == [(FIRST, may_come)]
+    told = finding.asked(client, [FIRST], time.monotonic() + 30, lambda _: may_come)
+    assert list(told) == [(FIRST, knows)]
 
 
 @pytest.mark.parametrize(
@@ -664,6 +690,31 @@ def test_a_goal_that_may_be_accepted_yet_is_asked_for_until_then(may_come, monke
 )
 @pytest.mark.every
 def test_only_a_goal_that_is_known_to_have_stopped_is_told_so(runs, last, refused, told):
+    assert _report(future_of(runs, last, refused)) is told
+
+
+def future_of(runs, last, refused=False):
+    """Return what is known of a goal."""
     goals = SimpleNamespace(reports=[SimpleNamespace(cancel_refused=refused)])
     call, timeline = SimpleNamespace(goals=goals), [SimpleNamespace(state=last)]
-    assert _report(SimpleNamespace(known_to_run=runs, timeline=timeline, _call=call)) is told
+    done = dict.fromkeys(("cancel", "outcome", "_wait_until_over"), lambda *_: None)
+    return SimpleNamespace(known_to_run=runs, timeline=timeline, _call=call, **done)
+
+
+def test_a_call_has_stopped_when_all_its_goals_have(monkeypatch):
+    goals = {
+        FIRST: future_of(False, ak.GoalState.CANCELED),
+        SECOND: future_of(True, ak.GoalState.EXECUTING, refused=True),
+    }
+    client = SimpleNamespace(
+        wait_for_server=lambda seconds: True, attach=lambda goal_id, on_give_up: goals[goal_id]
+    )
+    monkeypatch.setattr(cancelling, "Client", lambda *_, **__: nullcontext(client))
+    monkeypatch.setattr(cancelling, "asked", lambda *_: ())
+    for found, report in (
+        ([FIRST, SECOND], ak.CancelReport.REFUSED),
+        ([FIRST], ak.CancelReport.CONFIRMED),
+    ):
+        running = [(LEFT, goal) for goal in found]
+        monkeypatch.setattr(cancelling, "find", lambda *_, running=running: running)
+        assert cancelling.cancel_all([LEFT], 0.2, 0.1, set()) == {LEFT: report}

@@ -328,6 +328,7 @@ def test_coroutine_functions_are_refused() -> None:
         (Fibonacci, TypeError, "this is a class"),
     ],
 )
+@pytest.mark.every
 def test_wrong_scripts(script: Any, error: type[Exception], text: str) -> None:
     server = FakeServer(Fibonacci, "fibonacci")
     with pytest.raises(error, match=text):

@@ -199,6 +199,34 @@ def test_of_two_threads_that_begin_a_run_one_sees_the_other(
     assert outer.unwanted or inner[0].unwanted
 
 
+def test_a_goal_whose_start_is_interrupted_is_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may have begun, and the tree may go on with another branch."""
+    asked: list[str] = []
+    future = SimpleNamespace(done=lambda: False, cancel=lambda: asked.append("cancel"))
+
+    def begin() -> None:
+        raise Interrupted
+
+    monkeypatch.setattr("actionkit.trees._runs.prepare_call", lambda *_, **__: (future, begin))
+    run = Run(None)
+    with pytest.raises(Interrupted):
+        run.start(cast(Any, None), {}, None, None)
+    assert run.unwanted
+    assert run.future is cast(Any, future)
+    assert asked == ["cancel"]
+
+
+def test_a_forked_process_leaves_the_goals_to_its_parent(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = Runs()
+    run = runs.begin(None)
+    with monkeypatch.context() as forked:
+        forked.setattr("os.getpid", lambda: -1)
+        runs.close()
+    assert not run.unwanted
+    runs.close()
+    assert run.unwanted
+
+
 def test_a_goal_that_stopped_does_not_count_while_its_call_may_send_another() -> None:
     run = Run(None)
     future = SimpleNamespace(done=lambda: False, known_to_run=False)

@@ -17,7 +17,7 @@ from actionkit._ros.stopping.cancelling import Cancelling
 from actionkit._ros.tools.cancel import AllSaid, CancelSaid
 from actionkit._ros.tools.watch import GoalSeen
 from actionkit.cli._shared.exits import Exit
-from actionkit.cli.cancel_and_stop._holding import release
+from actionkit.cli.cancel_and_stop._holding import agents_told, release
 from actionkit.cli.cancel_and_stop._stop_table import exit_of, table, worst
 
 LONG = 30.0
@@ -418,3 +418,15 @@ def test_a_release_does_not_end_a_stop_that_comes_after_it(
     view = Telling(((OLD,), ""), ((NEW,), ""))
     assert release(view, LONG, as_json=True) is Exit.HELD
     assert json.loads(capsys.readouterr().out.splitlines()[0])["held"] is True
+
+
+def test_an_agent_that_has_not_confirmed_the_hold_is_told_of() -> None:
+    def said(role: str, number: int, *holds: Hold) -> Said:
+        state = HoldState({hold.hold_id: hold for hold in holds})
+        return Said(Sender(f"{role}_{number}", role, "bob@arm", number), state, 0.0)
+
+    others = [said("agent", 1, OLD), said("agent", 2), said("agent", 3, NEW), said("keeper", 4)]
+    view: Any = SimpleNamespace(state=HoldState({"a": OLD}), others=others)
+    knowing, late = agents_told(view)
+    assert knowing == ["agent of bob@arm (process 1)"]
+    assert late == ["agent of bob@arm (process 2)", "agent of bob@arm (process 3)"]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 
 import pytest
 
 from actionkit.agents._mcp.address import TOKEN_VARIABLE, address, listen
+from actionkit.agents._mcp.http import _OneToken
 
 TOKEN = {TOKEN_VARIABLE: "a-secret-of-the-test"}
 
@@ -60,3 +62,10 @@ def test_a_port_that_is_taken() -> None:
             assert connection.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
             timeout = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)
             assert timeout == 10_000
+
+
+def test_only_the_right_token_lets_in() -> None:
+    known = _OneToken("a-secret-of-the-test")
+    assert asyncio.run(known.verify_token("a-secret-of-the-test")) is not None
+    for wrong in ("", "a-secret-of-the-tes", "a-secret-of-the-testx", "A-secret-of-the-test"):
+        assert asyncio.run(known.verify_token(wrong)) is None

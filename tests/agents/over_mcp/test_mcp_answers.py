@@ -35,13 +35,16 @@ def test_text_that_is_no_unicode_is_told_all_the_same() -> None:
 
 
 def test_a_question_is_good_for_one_goal() -> None:
-    questions = Questions(lambda: 0)
-    first, second = questions.ask(), questions.ask()
+    stops = 0
+    questions = Questions(lambda: stops)
+    first, second, third = questions.ask(), questions.ask(), questions.ask()
     assert not questions.answered(None)
     assert not questions.answered("made up")
     assert questions.answered(second)
     assert not questions.answered(second)
     assert questions.answered(first)
+    stops += 1
+    assert not questions.answered(third), "a human has stopped the robot meanwhile"
 
 
 def test_a_client_that_does_not_read_is_told_the_newest_and_numbers_grow() -> None:

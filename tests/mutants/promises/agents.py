@@ -38,7 +38,10 @@ MUTANTS = (
         "agents/_results.py",
         "retry and not may_run, ",
         "retry, ",
-        ("agents/test_agents_results.py::test_what_may_run_is_not_to_be_tried_again",),
+        (
+            "agents/test_agents_results.py::"
+            "test_what_may_run_or_cannot_succeed_is_not_to_be_tried_again",
+        ),
     ),
     Mutant(
         "C10.1",
@@ -58,6 +61,25 @@ MUTANTS = (
         "        return self.value is None or self._goals is None or not self._goals.gone\n",
         "        return self.value is None\n",
         ("agents/test_toolbox.py::test_a_goal_that_cannot_be_cancelled_is_not_sent_beside",),
+    ),
+    Mutant(
+        "C10.1",
+        "what the server rejected is tried again",
+        "agents/_results.py",
+        "status, isinstance(outcome.error, TransientError) and",
+        "status,",
+        (
+            "agents/test_agents_results.py::"
+            "test_what_may_run_or_cannot_succeed_is_not_to_be_tried_again",
+        ),
+    ),
+    Mutant(
+        "C10.1",
+        "a goal that was never sent has an id, as if it was",
+        "agents/_results.py",
+        "        goal_id=str(outcome.goal_id) if sent else None,\n",
+        "        goal_id=str(outcome.goal_id),\n",
+        ("agents/test_toolbox.py::test_what_waits_for_a_server_does_not_run",),
     ),
     Mutant(
         "C10.2",
@@ -131,6 +153,22 @@ MUTANTS = (
             "agents/test_toolbox.py::"
             "test_nothing_is_sent_where_the_goals_of_others_cannot_be_looked_for",
         ),
+    ),
+    Mutant(
+        "C10.2",
+        "arguments of any depth are walked through",
+        "agents/_argument_size.py",
+        "_DEEPEST = 32\n",
+        "_DEEPEST = 10**6\n",
+        ("agents/test_agents_arguments.py::test_what_is_too_deep_or_too_large_is_refused_at_once",),
+    ),
+    Mutant(
+        "C10.2",
+        "a value that is not in the list of values is sent",
+        "agents/_goal_values.py",
+        "        if value not in enum:\n",
+        "        if False:\n",
+        ("agents/test_agents_arguments.py::test_values_outside_of_limits",),
     ),
     Mutant(
         "C10.3",
@@ -228,6 +266,49 @@ MUTANTS = (
         (
             "agents/over_mcp/test_mcp_process.py::test_a_signal_cancels_and_ends_in_time[True-SIGINT-130]",
         ),
+    ),
+    Mutant(
+        "C10.3",
+        "an approval outlives a human's stop",
+        "agents/_mcp/approval.py",
+        "        return until > time.monotonic() and stops == self._stops()\n",
+        "        return until > time.monotonic()\n",
+        ("agents/over_mcp/test_mcp_answers.py::test_a_question_is_good_for_one_goal",),
+    ),
+    Mutant(
+        "C10.3",
+        "an answer that is no yes counts as one",
+        "agents/_goal_call.py",
+        "    if await _answer(approve, ApprovalRequest(tool.name, whole, question)) is not True:\n",
+        "    if not await _answer(approve, ApprovalRequest(tool.name, whole, question)):\n",
+        ("agents/test_agents_results.py::test_nothing_but_true_is_an_approval",),
+    ),
+    Mutant(
+        "C10.3",
+        "a host that has gone is not noticed while the event loop hangs",
+        "agents/_mcp/stdio.py",
+        "        poll.poll()\n        self._gone()\n",
+        "        poll.poll()\n",
+        (
+            "agents/over_mcp/test_mcp_stdio.py::"
+            "test_a_host_that_is_gone_is_noticed_even_if_the_event_loop_hangs[stdout-False]",
+        ),
+    ),
+    Mutant(
+        "C10.3",
+        "a client with another token is let in",
+        "agents/_mcp/http.py",
+        '        if not hmac.compare_digest(token.encode(errors="replace"), self._token):\n',
+        "        if not token:\n",
+        ("agents/over_mcp/test_mcp_address.py::test_only_the_right_token_lets_in",),
+    ),
+    Mutant(
+        "C10.3",
+        "over HTTP, a second request with the id of one that runs is served",
+        "agents/_mcp/http.py",
+        "        if key in self._running:\n",
+        "        if False:\n",
+        ("agents/over_mcp/test_mcp_http.py::test_an_id_that_is_used_again_while_its_call_runs",),
     ),
     Mutant(
         "C10.4",
@@ -366,6 +447,83 @@ MUTANTS = (
         "(done or (over(now) and now >= last))",
         "done",
         ("unit/test_stopping.py::test_a_stop_keeps_its_time_while_others_send_goals",),
+    ),
+    Mutant(
+        "C10.4",
+        "one in sight that has not told what it knows is not waited for",
+        "_ros/holds/view.py",
+        "        return self._cut_off or len(silent) > len(long)\n",
+        "        return False\n",
+        (
+            "agents/test_hold_state.py::"
+            "test_who_is_in_sight_and_has_not_been_heard_may_know_of_a_hold",
+        ),
+    ),
+    Mutant(
+        "C10.4",
+        "a message that is not merged yet does not keep a goal back",
+        "_ros/holds/view.py",
+        "        return not (self._texts or self._unknown() or self._state.active)\n",
+        "        return not (self._unknown() or self._state.active)\n",
+        ("agents/test_hold_state.py::test_a_message_that_was_not_read_yet_may_be_a_hold",),
+    ),
+    Mutant(
+        "C10.4",
+        "an agent does not tell others of the holds that it knows",
+        "_ros/holds/view.py",
+        "        if self._speaks and self._topic is not None and state != self._told:\n",
+        "        if self._speaks and self._topic is not None and self._told is None:\n",
+        ("agents/test_hold.py::test_held_by_the_topic_released_by_another_and_kept_by_who_knows",),
+    ),
+    Mutant(
+        "C10.4",
+        "a write to the file forgets the holds of others that are in it",
+        "_ros/holds/files.py",
+        "            state, old = merged(state, before := _read(str(path))), before\n",
+        "            old = _read(str(path))\n",
+        ("agents/test_hold_state.py::test_a_file_tells_others_at_once_and_is_never_undone",),
+    ),
+    Mutant(
+        "C10.4",
+        "other users cannot write a hold",
+        "_ros/holds/files.py",
+        "        directory.chmod(_FOR_ALL)\n",
+        "        pass\n",
+        ("agents/test_hold_state.py::test_a_file_tells_others_at_once_and_is_never_undone",),
+    ),
+    Mutant(
+        "C10.4",
+        "a release ends a stop that came later",
+        "cli/cancel_and_stop/_holding.py",
+        "        new = tuple(hold for hold in state.active if complete and",
+        "        new = tuple(hold for hold in () if complete and",
+        ("unit/test_stopping.py::test_a_release_does_not_end_a_stop_that_comes_after_it",),
+    ),
+    Mutant(
+        "C10.4",
+        "an agent that has not confirmed the hold is not told of",
+        "cli/cancel_and_stop/_holding.py",
+        "    others = [str(said.sender) for said in agents if not held & set(said.state.holds)]\n",
+        "    others: list[str] = []\n",
+        ("unit/test_stopping.py::test_an_agent_that_has_not_confirmed_the_hold_is_told_of",),
+    ),
+    Mutant(
+        "C10.4",
+        "a goal that a server agreed to cancel is told as stopped",
+        "_ros/stopping/cancelling.py",
+        '    if row.state == "CANCELED" and target.asked is not None:\n',
+        "    if target.asked is not None:\n",
+        ("cli/test_cancel.py::test_what_is_said_of_a_goal",),
+    ),
+    Mutant(
+        "C10.4",
+        "a server that is out of sight, with a client that may have goals, is not told of",
+        "_ros/stopping/cancel_goals.py",
+        "        if name not in by_name and survey.may_hide_goals(name):\n",
+        "        if False:\n",
+        (
+            "cli/test_stop.py::test_a_server_that_stands_still_is_out_of_sight_and_its_client_is_not",
+        ),
     ),
     Mutant(
         "C10.5",

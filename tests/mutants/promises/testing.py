@@ -56,4 +56,20 @@ MUTANTS = (
         "                ended = True\n",
         ("fake_server/test_fake_server_life.py::test_many_in_a_row_leave_nothing",),
     ),
+    Mutant(
+        "C9.1",
+        "a function of the test is asked anew for each repeated request",
+        "testing/_fake_behaviour.py",
+        "        if run.goal_id not in self._entries:\n",
+        "        if True:\n",
+        ("fake_server/test_fake_server_errors.py::test_a_request_that_is_sent_again",),
+    ),
+    Mutant(
+        "C9.1",
+        "a wrong setting passes until a goal comes",
+        "testing/_fake_plans.py",
+        '            merged[name] = checked(self.action, name, value, f"{where}.{name}")\n',
+        "            merged[name] = value\n",
+        ("fake_server/test_fake_server.py::test_wrong_scripts",),
+    ),
 )

@@ -86,6 +86,25 @@ MUTANTS = (
         ("trees/test_never_blocks.py::test_no_tick_blocks",),
     ),
     Mutant(
+        "C11.1",
+        "a leaf waits for ever for news of an earlier goal",
+        "trees/_behaviour.py",
+        "        elif limit is not None and now >= (run.unknown_since or now) + limit:\n",
+        "        elif False:\n",
+        (
+            "trees/test_leaf_earlier_goal.py::"
+            "test_a_goal_that_its_client_lost_touch_with_is_not_run_beside_another",
+        ),
+    ),
+    Mutant(
+        "C11.1",
+        "a leaf with `fail` waits for the earlier goal",
+        "trees/_behaviour.py",
+        '        if self._earlier_goal == "fail":\n',
+        "        if False:\n",
+        ("trees/test_leaf_earlier_goal.py::test_or_it_fails_and_says_so",),
+    ),
+    Mutant(
         "C11.2",
         "a leaf that its tree interrupts lets its goal run",
         "trees/_behaviour.py",
@@ -127,5 +146,21 @@ MUTANTS = (
         "        if client is None or self._runs.closed:\n",
         "        if client is None:\n",
         ("trees/test_leaf_end.py::test_a_leaf_that_was_shut_down_sends_nothing",),
+    ),
+    Mutant(
+        "C11.2",
+        "a forked process cancels the goals of its parent",
+        "trees/_runs.py",
+        "        if os.getpid() != self._pid:\n            return  # a forked",
+        "        if False:\n            return  # a forked",
+        ("trees/test_leaf_end.py::test_a_forked_process_leaves_the_goals_to_its_parent",),
+    ),
+    Mutant(
+        "C11.2",
+        "an interrupted start lets its goal run",
+        "trees/_runs.py",
+        "            self.give_up()\n            raise\n",
+        "            raise\n",
+        ("trees/test_leaf_end.py::test_a_goal_whose_start_is_interrupted_is_cancelled",),
     ),
 )
