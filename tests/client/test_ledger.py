@@ -19,7 +19,7 @@ import pytest
 import actionkit as ak
 from actionkit import Ledger, RetryPolicy
 from actionkit._calls.ledger.file import _Writer, flush
-from actionkit._calls.ledger.store import attempt_id
+from actionkit._calls.ledger.store import _transaction, attempt_id
 from actionkit._leftovers import cancelling, finding
 from actionkit._leftovers.cancelling import _report
 from actionkit._model.cancel_answer import CancelAnswer
@@ -454,6 +454,21 @@ def test_ctrl_c_in_the_wait_for_another_process_loses_no_goal(run_script, path):
     assert program.line() == "interrupted"
     assert program.line() == "written down"
     assert rows(path) == 2
+
+
+def test_nothing_of_what_ctrl_c_interrupts_is_written():
+    with closing(sqlite3.connect(":memory:", isolation_level=None)) as file:
+        file.execute("CREATE TABLE goals (goal_id TEXT)")
+
+        def interrupted():
+            with _transaction(file):
+                file.execute("INSERT INTO goals VALUES ('a')")
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            interrupted()
+        assert not file.in_transaction, "the next goal would be written into it"
+        assert file.execute("SELECT * FROM goals").fetchall() == []
 
 
 ENDS = """

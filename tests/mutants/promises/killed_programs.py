@@ -71,7 +71,7 @@ MUTANTS = (
         "_calls/ledger/store.py",
         '            db.execute("ROLLBACK")\n',
         "            pass\n",
-        ("client/test_ledger.py::test_ctrl_c_in_the_wait_for_another_process_loses_no_goal",),
+        ("client/test_ledger.py::test_nothing_of_what_ctrl_c_interrupts_is_written",),
     ),
     Mutant(
         "C12.1",
