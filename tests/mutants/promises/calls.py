@@ -108,7 +108,10 @@ MUTANTS = (
         "a task that awaits a goal polls",
         "_calls/drivers.py",
         "                    await woken\n",
-        "                    while not woken.done():\n                        await self._asyncio.sleep(0)\n",
+        """\
+                    while not woken.done():
+                        await self._asyncio.sleep(0)
+""",
         ("client/test_asyncio.py::test_an_awaiting_process_burns_no_cpu",),
     ),
     Mutant(
