@@ -252,8 +252,8 @@ class CallMachine:
             return []
         if self.unwanted and not self._attaches:  # `cancel` is about to run on this thread
             return self.give_up(CancelReason.CANCELLED)
-        if self._last is not None and self.goals.others_cancel:  # seen after it was judged
-            return self._end(replace(self._last, not_retried=_OTHERS_CANCEL))
+        if self._is_ended_by_others:
+            return self._end_for_others()
         if self._is_late(now) or not self.may_send():
             self.phase = Phase.WAITING
             in_doubt = not all(each.goal.facts.is_over for each in self.earlier)
@@ -276,6 +276,8 @@ class CallMachine:
             return self._end(replace(self._last, not_retried="the pause reached the deadline"))
         if self.phase is not Phase.WAITING:
             return []
+        if self._is_ended_by_others:
+            return self._end_for_others()
         waited = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
         effects: list[cx.Effect] = [waited, cx.StopRetrying()]
         # If it had a server before, it continues with the ending from that server (C2.7).
@@ -379,7 +381,18 @@ class CallMachine:
 
     def resume(self, now: float) -> list[cx.Effect]:
         """The pause is over."""
-        return self._try(now)
+        return self._end_for_others() if self._is_ended_by_others else self._try(now)
+
+    @property
+    def _is_ended_by_others(self) -> bool:
+        """Whether we learned only after the verdict that somebody else cancels a goal (C4.4)."""
+        return self._last is not None and self.goals.others_cancel
+
+    def _end_for_others(self) -> list[cx.Effect]:
+        assert self._last is not None
+        assert self.previous is not None
+        self.goal_id = self.previous.goal_id  # a new one may have been made since then
+        return self._end(replace(self._last, not_retried=_OTHERS_CANCEL))
 
     def _judge(self, ending: fx.Ending) -> list[cx.Effect]:
         if ending.end in _STOPPED and self._is_replaced:

@@ -194,9 +194,12 @@ class Goal(CancellableGoal):
         return effects + self._arm_stall(now)
 
     def status(self, state: GoalState, now: float, *, ours: bool = True) -> list[fx.Effect]:
-        """The server's status topic shows the goal in `state`; `ours` is that of `result`."""
-        # A lost goal is unwanted, but is asked to cancel only when its server is ready again.
-        asked = self._asked_to_cancel and (ours or self.stage is not Stage.LOST)
+        """The server's status topic shows the goal in `state`.
+
+        `ours` means that one of our cancel requests may have cancelled it (C4.4).
+        """
+        # We give up on a lost goal, but send it a cancel request only when its server is back.
+        asked = ours if self.stage is Stage.LOST else self._asked_to_cancel
         effects = self._proven(now)
         if self.stage is not Stage.ACCEPTED:
             return effects

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from actionkit._calls.ledger.store import Leftover, attempt_number
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros import graph
+from actionkit._ros.native import RCLError
 from actionkit._ros.stopping.goal_board import arrived
 from actionkit._ros.tools.cancel import GoalCanceller
 from actionkit._ros.tools.topic import StoppedError
@@ -139,10 +140,15 @@ def in_sight(client: Client[Any]) -> int:
 
 
 def _known(client: Client[Any], until: float) -> dict[uuid.UUID, GoalSeen]:
-    """Return the goals that the servers of a client's action know now, those of all clients."""
+    """Return the goals that the servers of a client's action know now, those of all clients.
+
+    Raises:
+        ClientClosedError: The client was closed, or its context was shut down.
+    """
     port = client._session.port
     try:
         seen = goals_seen(port.runtime.place, port.names.status, lambda: False, until)
-    except StoppedError:
-        return {}  # the context was shut down
+    except (StoppedError, RCLError):
+        client._session.check()
+        raise
     return {uuid.UUID(goal.goal_id): goal for goal in seen}

@@ -15,6 +15,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from rclpy.context import Context
+from rclpy.node import Node
 
 import actionkit as ak
 from actionkit import Ledger, RetryPolicy
@@ -601,6 +603,15 @@ def test_mcp_goes_on_cancelling_what_does_not_stop_at_once(
     assert rows(path) == 1
     server.resume()
     assert runs_nothing(server)
+
+
+def test_a_look_for_goals_ends_if_the_context_was_shut_down(make_client, ros_domain):
+    context = Context()
+    context.init(domain_id=ros_domain)
+    client = make_client(node=Node("mine", context=context))
+    context.shutdown()
+    with pytest.raises(ak.ClientClosedError, match="the ROS context of its client's node was shut"):
+        finding._known(client, time.monotonic() + 10)
 
 
 def test_a_client_waits_at_its_end_until_its_goals_are_removed():

@@ -1,6 +1,6 @@
-"""The command `python -m tests.mutants`: would the tests notice, if ActionKit was wrong?
+"""The command `python -m tests.mutants`: would the tests notice if ActionKit were wrong?
 
-Each mutant is one line made wrong, in a copy of the checkout. Its tests must fail.
+Each mutant is one line made wrong, in a copy of the checkout. One of its tests must fail.
 """
 
 from __future__ import annotations
@@ -19,13 +19,17 @@ from tests.mutants.mutant import Mutant
 
 
 def all_mutants() -> list[Mutant]:
-    """Return the mutants of all promises, in the order of these."""
+    """Return the mutants of all promises, sorted by promise."""
     modules = [
         importlib.import_module(f"{promises.__name__}.{module.name}")
         for module in pkgutil.iter_modules(promises.__path__)
     ]
     mutants = [mutant for module in modules for mutant in module.MUTANTS]
     return sorted(mutants, key=lambda mutant: [int(part) for part in mutant.promise[1:].split(".")])
+
+
+def _is_meant(mutant: Mutant, words: tuple[str, ...]) -> bool:
+    return any(word == mutant.promise or word in f"{mutant.path}: {mutant.wrong}" for word in words)
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -36,16 +40,13 @@ def all_mutants() -> list[Mutant]:
 def main(only: tuple[str, ...], at_once: int) -> None:
     """Make each mutant, and see that its tests fail.
 
-    ONLY is any number of parts of a promise's number, of a file's name, or of what is wrong.
+    ONLY is any number of promises, or of words of a file's name or of what is wrong.
     """
-    mutants = [
-        mutant
-        for mutant in all_mutants()
-        if not only
-        or any(part in f"{mutant.promise} {mutant.path} {mutant.wrong}" for part in only)
-    ]
+    mutants = [mutant for mutant in all_mutants() if not only or _is_meant(mutant, only)]
     if not mutants:
         raise click.UsageError(f"no mutant has one of {', '.join(only)}")
+    if problems := [why for mutant in mutants if (why := mutant.problem(slots.ROOT))]:
+        raise click.ClickException("\n".join(problems))
     began = time.monotonic()
     runs = []
     with tempfile.TemporaryDirectory(prefix="actionkit-mutants.") as folder:
@@ -59,10 +60,14 @@ def main(only: tuple[str, ...], at_once: int) -> None:
     for run in sorted(runs, key=lambda run: mutants.index(run.mutant)):
         click.echo(
             f"{run.mutant.promise:6} {run.seconds:5.1f} s  {run.mutant.wrong}\n"
-            f"{'':16}{run.mutant.path}, {'noticed by' if run.noticed else 'MISSED:'} {run.by}"
+            f"{'':16}{run.mutant.path}, {'noticed by' if run.noticed else 'MISSED by'} {run.why}"
         )
     missed = sum(not run.noticed for run in runs)
-    click.echo(f"{len(runs)} mutants, {missed} missed, in {time.monotonic() - began:.0f} s")
+    long = sum(run.mutant.long for run in runs)
+    click.echo(
+        f"{len(runs)} mutants, {long} of them for a long test, {missed} missed,"
+        f" in {time.monotonic() - began:.0f} s"
+    )
     sys.exit(1 if missed else 0)
 
 

@@ -10,7 +10,7 @@ SOURCE = "actionkit"
 
 @dataclass(frozen=True)
 class Mutant:
-    """One wrong line.
+    """One line, or a few, made wrong.
 
     Attributes:
         promise: The number in `docs/promises.md` that it breaks.
@@ -18,7 +18,7 @@ class Mutant:
         path: The file, below `actionkit/`.
         old: What is replaced there; it occurs once.
         new: What is put in its place.
-        tests: The tests that must fail, below `tests/`: files, or tests in them.
+        tests: Below `tests/`: one of these must fail.
         long: Whether only tests that take long notice it, which the promise's row then says.
     """
 

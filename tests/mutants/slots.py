@@ -1,4 +1,4 @@
-"""Runs tests on copies of the checkout, some at a time, each in a fork of this process.
+"""Runs tests on copies of the checkout, several at a time, each in a fork of this process.
 
 This process has imported pytest and rclpy, which takes a second each time otherwise, but nothing of
 ActionKit: each fork imports that from its copy.
@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import time
+import traceback
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -27,11 +28,12 @@ _HANGS = "60"
 """Seconds after which a test has failed, as it hangs."""
 _PRELOADED = ("_pytest.main", "hypothesis.strategies", "pytest", "rclpy.action", "rclpy.executors")
 _FAILED = 1  # pytest's exit code where tests have failed; 0 where none has
+_CRASHED = 70  # ours, where pytest itself has
 
 
 @dataclass
 class Run:
-    """What came of the tests of a mutant."""
+    """How the tests of a mutant have ended."""
 
     mutant: Mutant | None  # `None`: nothing was changed
     seconds: float
@@ -44,16 +46,17 @@ class Run:
         return self.code == _FAILED
 
     @property
-    def by(self) -> str:
-        """The test that has noticed it, or what went wrong."""
+    def why(self) -> str:
+        """The test that has failed, and how; or why none has."""
         failed = [line for line in self.output.splitlines() if line.startswith(("FAILED", "ERROR"))]
         if failed:
-            return failed[0].split(" ")[1].removeprefix("tests/")
+            return failed[0].partition(" ")[2].removeprefix("tests/")
         if self.code is None:
             return f"its tests took longer than {LONGEST:g} s"
-        if self.code == _FAILED:
+        if self.noticed:
             return "a test that hung"
-        return "nobody" if self.code == 0 else f"pytest ended with {self.code}"
+        tests = "" if self.mutant is None else ", ".join(self.mutant.tests)
+        return tests if self.code == 0 else f"pytest ended with {self.code}: {self.output[-500:]}"
 
 
 @dataclass(eq=False)
@@ -62,27 +65,32 @@ class _Slot:
 
     root: Path
     mutant: Mutant | None = None
+    source: str = ""
     began: float = 0.0
 
     def begin(self, mutant: Mutant | None, arguments: list[str]) -> int:
         """Make the mutant, and start its tests; return the process."""
         self.mutant, self.began = mutant, time.monotonic()
         if mutant is not None:
-            source = mutant.file(ROOT).read_text("utf-8")
-            self._write(mutant, source.replace(mutant.old, mutant.new))
+            self.source = mutant.file(self.root).read_text("utf-8")
+            self._write(mutant, self.source.replace(mutant.old, mutant.new))
         pid = os.fork()
         if pid:
             return pid
-        code = 70
+        code = _CRASHED
         try:
             code = self._test(arguments)
+        except BaseException:  # noqa: BLE001  a fork never returns
+            traceback.print_exc()
         finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
             os._exit(code)
 
     def end(self, code: int | None) -> Run:
-        """Undo the mutant; return what came of its tests."""
+        """Undo the mutant; return how its tests have ended."""
         if self.mutant is not None:
-            self._write(self.mutant, self.mutant.file(ROOT).read_text("utf-8"))
+            self._write(self.mutant, self.source)
         seconds = time.monotonic() - self.began
         return Run(self.mutant, seconds, code, self._log.read_text("utf-8", "replace"))
 
@@ -101,8 +109,8 @@ class _Slot:
         os.setsid()
         log = os.open(self._log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         nothing = os.open(os.devnull, os.O_RDONLY)
-        for own, new in ((nothing, 0), (log, 1), (log, 2)):
-            os.dup2(own, new)
+        for source, target in ((nothing, 0), (log, 1), (log, 2)):
+            os.dup2(source, target)
         os.chdir(self.root)
         os.environ["PYTHONPATH"] = str(self.root)  # before the checkout that pip has installed
         sys.path[:] = [str(self.root), *(path for path in sys.path if path not in ("", str(ROOT)))]
@@ -110,9 +118,7 @@ class _Slot:
             del sys.modules[name]
         import pytest
 
-        code = int(pytest.main(arguments))
-        sys.stdout.flush()
-        return code
+        return int(pytest.main(arguments))
 
 
 def listed_files() -> list[str]:
@@ -123,9 +129,9 @@ def listed_files() -> list[str]:
 
 
 def _copies(folder: Path, number: int) -> list[_Slot]:
-    slots = [_Slot(folder / f"copy{index}") for index in range(number)]
+    slots, names = [_Slot(folder / f"copy{index}") for index in range(number)], listed_files()
     for slot in slots:
-        for name in listed_files():
+        for name in names:
             (slot.root / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, slot.root / name)
     return slots
@@ -138,8 +144,7 @@ def _next_end(running: dict[int, _Slot], longest: float = LONGEST) -> Run:
             ended, status = os.waitpid(pid, os.WNOHANG)
             if not ended and time.monotonic() - slot.began < longest:
                 continue
-            with suppress(ProcessLookupError):  # also what the tests have started and left
-                os.killpg(pid, signal.SIGKILL)
+            _kill(pid)
             if not ended:
                 os.waitpid(pid, 0)
             del running[pid]
@@ -147,22 +152,35 @@ def _next_end(running: dict[int, _Slot], longest: float = LONGEST) -> Run:
         time.sleep(0.05)
 
 
+def _kill(pid: int) -> None:
+    """Kill the process of some tests, and what it has started and left."""
+    with suppress(ProcessLookupError):
+        os.killpg(pid, signal.SIGKILL)
+
+
 def run(mutants: Sequence[Mutant], folder: Path, at_once: int) -> Iterator[Run]:
     """Run the tests of each mutant; before that once all these tests, with nothing changed."""
     for name in _PRELOADED:
         importlib.import_module(name)
     slots = _copies(folder, at_once)
-    for long in (False, True):
-        if tests := {test for mutant in mutants if mutant.long is long for test in mutant.tests}:
-            arguments = [*_arguments(sorted(tests), long), "-n", "6"]
-            yield _next_end({slots[0].begin(None, arguments): slots[0]}, 4 * LONGEST)
     running: dict[int, _Slot] = {}
-    waiting = list(reversed(mutants))
-    while waiting or running:
-        for slot in [slot for slot in slots if slot not in running.values()][: len(waiting)]:
-            mutant = waiting.pop()
-            running[slot.begin(mutant, [*_arguments(mutant.tests, mutant.long), "-n", "0"])] = slot
-        yield _next_end(running)
+    try:
+        for long in (False, True):
+            tests = {test for mutant in mutants if mutant.long is long for test in mutant.tests}
+            if tests:
+                arguments = [*_arguments(sorted(tests), long), "-n", str(at_once)]
+                running[slots[0].begin(None, arguments)] = slots[0]
+                yield _next_end(running, 4 * LONGEST)
+        waiting = list(reversed(mutants))
+        while waiting or running:
+            for slot in [slot for slot in slots if slot not in running.values()][: len(waiting)]:
+                mutant = waiting.pop()
+                arguments = [*_arguments(mutant.tests, mutant.long), "-n", "0"]
+                running[slot.begin(mutant, arguments)] = slot
+            yield _next_end(running)
+    finally:  # also after Ctrl-C
+        for pid in running:
+            _kill(pid)
 
 
 def _arguments(tests: Iterable[str], long: bool) -> list[str]:

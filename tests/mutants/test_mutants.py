@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tests.mutants.__main__ import all_mutants
 from tests.mutants.mutant import Mutant
+from tests.mutants.promises import walked
 from tests.mutants.slots import ROOT
 from tests.unit.test_promises import functions, listed
 
@@ -32,7 +33,18 @@ def problem_of(mutant: Mutant) -> str | None:
         path = ROOT / "tests" / file
         if not path.is_file() or (name and name.partition("[")[0] not in functions(path)):
             return f"{mutant.wrong}: there is no test {test}"
+    if mutant.long is not (mutant in walked.MUTANTS):
+        return f"{mutant.wrong}: docs/promises.md says that only those in walked.py are long"
     return mutant.problem(ROOT)
+
+
+def test_no_two_are_the_same() -> None:
+    made: dict[tuple[str, str], str] = {}
+    for mutant in all_mutants():
+        source = mutant.file(ROOT).read_text("utf-8").replace(mutant.old, mutant.new)
+        if not mutant.long:  # the walk has some that other tests notice, too
+            assert (mutant.path, source) not in made, (mutant.wrong, made[mutant.path, source])
+            made[mutant.path, source] = mutant.wrong
 
 
 def test_each_promise_has_one() -> None:

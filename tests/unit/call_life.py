@@ -616,6 +616,9 @@ class CallLife:
             return
         self.settled_with_news = True
         self.check_server_was_there(outcome)
+        if isinstance(outcome.error, errors.ServerLostError):
+            was_sent = outcome.error.goal_id.bytes in self.goals
+            self.require(was_sent, "the goal that was lost was sent")
         pairs = {(event.attempt, event.goal_id) for event in outcome.timeline}
         self.require(
             len(pairs) == len(dict(pairs)), "an attempt has one goal, whose id its news has"

@@ -380,17 +380,27 @@ def test_what_somebody_else_cancels_is_not_tried_again() -> None:
     assert effects == [cx.Count(success=False), *ends(ending)]
 
 
-def test_nor_is_it_if_that_is_seen_before_the_next_goal_is_sent() -> None:
+@pytest.mark.parametrize("seen", ["in the pause", "at its turn", "when no server came"])
+def test_nor_is_it_if_that_is_seen_only_after_the_verdict(seen: str) -> None:
+    """The error names the goal that was sent, not the next one."""
     machine, attempt = in_a_pause(**OVER)
-    machine.resume(NOW)
-    machine.server_ready()
+    if seen != "in the pause":
+        machine.resume(NOW)
+    if seen == "at its turn":
+        machine.server_ready()
     attempt.goal.facts.others_cancel = True
+    at = {"in the pause": machine.resume, "at its turn": machine.turn}
+    effects = at.get(seen, lambda now: machine.waited(now, ready=False))(NOW)
     ending = with_goals(machine, LOST, not_retried="somebody else has cancelled it")
-    assert machine.turn(NOW) == ends(ending)
+    assert effects == ends(ending)
+    assert machine.goal_id == attempt.goal_id
+
+
+def test_a_goal_of_somebody_else_is_followed_also_if_it_is_being_cancelled() -> None:
     attached = call(attaches=True)
     queue(attached)
     attached.goals.facts_left[0].others_cancel = True
-    assert attached.turn(NOW) == [cx.Send()]  # it is followed to its end
+    assert attached.turn(NOW) == [cx.Send()]
 
 
 def test_the_plan_may_be_to_give_up() -> None:

@@ -285,7 +285,7 @@ MUTANTS = (
     ),
     Mutant(
         "C10.3",
-        "a host that has gone is not noticed while the event loop hangs",
+        "the thread that watches the host tells nobody that it has gone",
         "agents/_mcp/stdio.py",
         "        poll.poll()\n        self._gone()\n",
         "        poll.poll()\n",
@@ -372,7 +372,7 @@ MUTANTS = (
     ),
     Mutant(
         "C10.4",
-        "a goal that no server knows yet is not cancelled by a human's stop",
+        "a human's stop does not cancel the goals of agents",
         "agents/_goal_call.py",
         "        clients.on_hold = self.cancel_all\n",
         "",
@@ -509,7 +509,7 @@ MUTANTS = (
     ),
     Mutant(
         "C10.4",
-        "a goal that a server agreed to cancel is told as stopped",
+        "a goal that has ended by itself after a cancel is told as canceled",
         "_ros/stopping/cancelling.py",
         '    if row.state == "CANCELED" and target.asked is not None:\n',
         "    if target.asked is not None:\n",

@@ -39,14 +39,6 @@ MUTANTS = (
     ),
     Mutant(
         "C7.3",
-        "goals are sent in another order, if many wait for their turn",
-        "_ros/outbox.py",
-        "                key, request = queue.popitem(last=False)\n",
-        "                key, request = queue.popitem()\n",
-        ("unit/test_outbox.py::test_the_window_fits_the_queue_of_a_server",),
-    ),
-    Mutant(
-        "C7.3",
         "feedback that the result has overtaken is lost",
         "_ros/link.py",
         "        self._feedback.take_all()  # the result may have overtaken some feedback (R15)\n",

@@ -31,7 +31,7 @@ MUTANTS = (
     ),
     Mutant(
         "C12.1",
-        "a goal is written down after it was sent",
+        "a goal is sent though it could not be written down",
         "_calls/session.py",
         "            call.write_down(self.ledger, self.identity.domain_id)\n",
         "            self.call_soon(\n"
@@ -253,11 +253,11 @@ MUTANTS = (
     ),
     Mutant(
         "C12.3",
-        "a goal that may run is not told of, and the guard ends with 0",
+        "a goal that the guard could not stop is not told of",
         "cli/guard/guard.py",
         "            if failed:\n                _say(_LEFT)\n",
         "",
-        ("cli/test_guard.py",),
+        ("cli/test_guard.py::test_a_goal_without_a_server_is_named_and_stays",),
     ),
     Mutant(
         "C12.3",

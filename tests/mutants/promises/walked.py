@@ -60,21 +60,21 @@ MUTANTS = (
     ),
     _found(
         "C2.7",
-        "who waited for a server in vain waits on",
+        "the timers of a call that found no server go on",
         "_calls/machine.py",
         ", cx.StopRetrying()]",
         "]",
     ),
     _found(
         "C2.7",
-        "the time was up, where no server was there",
+        "a call without a server ends with the error of a deadline",
         "_calls/machine.py",
         "if self.phase is Phase.QUEUED:",
         "if True:",
     ),
     _found(
         "C2.7",
-        "no server was there, where the goal waited for its turn",
+        "a goal that waited for its turn ends as if no server was there",
         "_calls/machine.py",
         "        ending = fx.Ending(fx.End.DEADLINE,",
         "        ending = fx.Ending(fx.End.NO_SERVER,",
@@ -88,7 +88,7 @@ MUTANTS = (
     ),
     _found(
         "C1.5",
-        "what is over waits for its turn",
+        "a call that has ended stays in the queue",
         "_calls/machine.py",
         "[cx.StopRetrying(), *self._finish()]",
         "self._finish()",
@@ -130,7 +130,7 @@ MUTANTS = (
     ),
     _found(
         "C4.2",
-        "only the last attempt is looked at",
+        "earlier attempts are forgotten when the next one ends",
         "_calls/machine.py",
         "(*self.earlier, attempt)",
         "(attempt,)",
@@ -320,7 +320,7 @@ MUTANTS = (
     ),
     _found(
         "C2.8",
-        "an abandoned goal is not known to be left",
+        "an abandoned goal is told as stopped",
         "_goal/cancelling.py",
         """\
         self._phase = "accept" if self.stage is Stage.SENT else "execute"

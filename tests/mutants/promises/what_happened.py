@@ -51,14 +51,6 @@ MUTANTS = (
     ),
     Mutant(
         "C6.2",
-        "an observer may block in its callback until a goal ends that waits for it",
-        "_threads/pool.py",
-        "        in_callback.set(True)\n",
-        "        pass\n",
-        ("client/test_observers_real.py::test_blocking_calls_are_refused_in_an_observer",),
-    ),
-    Mutant(
-        "C6.2",
         "a handler of the log that raises is told nothing more",
         "_observers/delivery.py",
         "        if not self.is_log:\n            self._dropped",
@@ -83,7 +75,7 @@ MUTANTS = (
     ),
     Mutant(
         "C6.3",
-        "a goal that was not answered has the code of a deadline",
+        "a goal that was not answered has the code of any other failure",
         "cli/_shared/exits.py",
         '    ("AcceptanceTimeoutError", Exit.NO_ANSWER),\n',
         "",
