@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +120,7 @@ def test_comments_are_found_beside_a_package_and_where_ros_has_them(
         file = tmp_path / prefix / "share" / name / "msg" / "Speed.msg"
         file.parent.mkdir(parents=True)
         file.write_text("# Forward,\nfloat64 speed  # in m/s\n")
+        monkeypatch.delitem(sys.modules, name, raising=False)  # of an earlier run in this process
     half = tmp_path / "python" / "share" / "beside_msgs" / "action" / "Half.action"
     half.parent.mkdir()
     half.write_text("# A goal.\n", "utf-8-sig")
