@@ -13,7 +13,6 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
@@ -31,7 +30,8 @@ from tests.mutants.slots import ROOT, listed_files
 FOLDER = ROOT / "build" / "mutants"
 SAME = Path(__file__).with_name("same.toml")
 """Mutants that are the same program, each with the reason."""
-_SURVIVED, _NO_TESTS = 0, 33  # exit codes in mutmut's files
+_NOTICED = {1, 3, 24, 36, -9, -11, -24, 152, 255}
+"""Exit codes in mutmut's files: failed, too long, or crashed."""
 _LEFT_ALONE = ("abstractmethod", "overload")
 
 
@@ -45,7 +45,7 @@ class Survivor:
     new: str
 
     def is_same(self, known: dict[str, str]) -> bool:
-        """Whether it is this one, which is known to be the same program."""
+        """Whether `known` lists this change."""
         change = self.path, self.old, self.new
         return change == (known["file"], known["old"], known.get("new", self.new))
 
@@ -62,9 +62,11 @@ class _Undecorate(cst.CSTTransformer):
         if len(names) != 1 or len(updated_node.decorators) != 1 or names[0] in _LEFT_ALONE:
             return updated_node
         name = updated_node.name
-        again = cst.Assign([cst.AssignTarget(name)], cst.Call(cst.Name(names[0]), [cst.Arg(name)]))
+        assignment = cst.Assign(
+            [cst.AssignTarget(name)], cst.Call(cst.Name(names[0]), [cst.Arg(name)])
+        )
         return cst.FlattenSentinel(
-            [updated_node.with_changes(decorators=[]), cst.SimpleStatementLine([again])]
+            [updated_node.with_changes(decorators=[]), cst.SimpleStatementLine([assignment])]
         )
 
 
@@ -100,29 +102,27 @@ class Score:
     def __str__(self) -> str:
         noticed, left = self.tried - len(self.survivors) - self.same, len(self.survivors)
         share = noticed / (noticed + left) if noticed + left else 1.0
-        return f"{self.path:28}{self.tried:7}  {noticed:7}  {self.same:8}  {left:4}  {share:4.0%}"
+        return f"{self.path:28}{self.tried:7}  {noticed:7}  {self.same:8}  {left:4}  {share:6.1%}"
 
 
-def _scores(known: list[dict[str, str]]) -> Iterator[Score]:
-    """Yield the score of each file; takes those off `known` that it has met."""
-    met = []
+def _scores(known: list[dict[str, str]]) -> tuple[list[Score], list[dict[str, str]]]:
+    """Return the score of each file, and those of `known` that were not met."""
+    scores, met = [], []
     folder = FOLDER / "mutants" / "actionkit"
     for file in sorted(folder.rglob("*.meta")):
         codes = json.loads(file.read_text("utf-8"))["exit_code_by_key"]
-        tried = [name for name, code in codes.items() if code is not None]
-        path = str(file.relative_to(folder).with_suffix(""))
-        survivors = []
-        for name in tried:
-            if codes[name] not in (_SURVIVED, _NO_TESTS):
-                continue
-            survivor = _survivor(name, path)
+        tried = {name: code for name, code in codes.items() if code is not None}
+        score = Score(str(file.relative_to(folder).with_suffix("")), len(tried), [], 0)
+        for name in (name for name, code in tried.items() if code not in _NOTICED):
+            survivor = _survivor(name, score.path)
             same = [one for one in known if survivor.is_same(one)]
             met += same
-            survivors += [] if same else [survivor]
-        alike = sum(codes[name] in (_SURVIVED, _NO_TESTS) for name in tried) - len(survivors)
-        if tried:
-            yield Score(path, len(tried), survivors, alike)
-    known[:] = [one for one in known if one not in met]
+            if same:
+                score.same += 1
+            else:
+                score.survivors.append(survivor)
+        scores += [score] if tried else []
+    return scores, [one for one in known if one not in met]
 
 
 def _survivor(name: str, path: str) -> Survivor:
@@ -153,17 +153,18 @@ def main(only: tuple[str, ...], no_run: bool) -> None:
         subprocess.run([mutmut, "run", *only], cwd=FOLDER, check=True)
     os.chdir(FOLDER)  # mutmut's functions look for its files there
     known = tomllib.loads(SAME.read_text("utf-8"))["same"]
-    scores = list(_scores(known))
+    scores, unmet = _scores(known)
     for score in scores:
         for survivor in score.survivors:
             click.echo(f"\n{survivor.name}\n- {survivor.old}\n+ {survivor.new}")
     if not only:
-        for same in known:
+        for same in unmet:
             click.echo(f"\nIn {SAME.name}, but noticed or gone: {same['file']}: {same['old']}")
     click.echo(f"\n{'':28}mutants  noticed  the same  left")
     for score in scores:
         click.echo(score)
     click.echo(f"{time.monotonic() - began:.0f} s")
+    sys.exit(1 if any(score.survivors for score in scores) else 0)
 
 
 if __name__ == "__main__":

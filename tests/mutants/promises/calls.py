@@ -108,8 +108,7 @@ MUTANTS = (
         "a task that awaits a goal polls",
         "_calls/drivers.py",
         "                    await woken\n",
-        """\
-                    while not woken.done():
+        """                    while not woken.done():
                         await self._asyncio.sleep(0)
 """,
         ("client/test_asyncio.py::test_an_awaiting_process_burns_no_cpu",),
@@ -620,6 +619,16 @@ MUTANTS = (
         "            return [cx.AwaitEarlier()]",
         "            return self._end(fx.Ending(fx.End.CANCELLED_BY_CALLER, GoalState.SENDING))",
         ("client/test_attach.py::test_a_cancel_before_a_server_is_in_sight_is_not_lost",),
+    ),
+    Mutant(
+        "C1.16",
+        "Ctrl-C in `actionkit attach` cancels the goal of another program",
+        "cli/call/_calling.py",
+        """time.monotonic() >= self._detach_at:
+                self._client.close()""",
+        """time.monotonic() >= self._detach_at:
+                self._future.cancel()""",
+        ("cli/test_attach.py::test_ctrl_c_lets_the_goal_run",),
     ),
     Mutant(
         "C1.16",
