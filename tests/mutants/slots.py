@@ -48,7 +48,11 @@ class Run:
     @property
     def why(self) -> str:
         """The test that has failed, and how; or why none has."""
-        failed = [line for line in self.output.splitlines() if line.startswith(("FAILED", "ERROR"))]
+        failed = [
+            line
+            for line in self.output.splitlines()
+            if line.startswith(("FAILED tests/", "ERROR tests/"))
+        ]
         if failed:
             return failed[0].partition(" ")[2].removeprefix("tests/")
         if self.code is None:
