@@ -51,6 +51,21 @@ def test_what_the_answers_tell(answers: int, verdicts: int) -> None:
     assert len(world.clock.queue) == 0
 
 
+def test_probes_that_could_not_be_sent_tell_nothing() -> None:
+    world = World(1)
+
+    def fails() -> int:
+        raise RuntimeError("the middleware does not send it")
+
+    detector = RestartDetector(world.timers, fails, world.on_one_answers)
+    detector.start()
+    for _ in range(3):
+        with pytest.raises(RuntimeError):
+            world.clock.advance(2.0)
+    world.clock.advance(2.0)
+    assert (detector.running, world.verdicts) == (False, 0)
+
+
 def test_the_last_answer_has_time_to_come() -> None:
     world = World(0)
     world.detector.start()
