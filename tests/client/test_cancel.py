@@ -137,7 +137,7 @@ def test_a_cancel_that_is_not_confirmed_ends_the_call(action_server, make_client
     future = make_client(timeouts=Timeouts(cancel=1.0)).call_async({"order": 1})
     server.wait_for("executing")
     future.cancel()
-    assert not future.done()  # to cancel waits for nothing
+    assert not future.done()  # cancel() does not block
     with pytest.raises(ak.DeadlineExceededError) as caught:
         future.result(10)
     late = "the server is cancelling it, and did not end it within 1 s, the time of Timeouts(cancel"

@@ -106,13 +106,13 @@ def test_what_is_no_number(name: str, value: object) -> None:
         (math.nan, "nan must be above 0 and finite"),
         (math.inf, "inf must be above 0 and finite"),
         (-math.inf, "-inf must be above 0 and finite"),
-        (1e9 + 1, "1000000001.0 must be 1e9 or less"),
-        (10**400, "1000"),
+        (1e9 + 1, r"1000000001\.0 must be 1e9 or less"),
+        (10**400, "1000.* must be 1e9 or less"),
     ],
     ids=["0", "-1", "nan", "inf", "-inf", "1e9 + 1", "10**400"],
 )
 def test_what_is_out_of_range(name: str, value: float, must_be: str) -> None:
-    with pytest.raises(ValueError, match=rf"^RetryBudget\.{name}={re.escape(must_be)}"):
+    with pytest.raises(ValueError, match=rf"^RetryBudget\.{name}={must_be}"):
         RetryBudget(**{name: value})
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -39,16 +40,16 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Package
         (folder / "__init__.py").write_bytes(text.encode("latin-1"))
 
     monkeypatch.setattr(sys, "path", [str(tmp_path)])
-    forget(made)
+    real = forget(made)
     yield make
     forget(made)
+    sys.modules.update(real)
 
 
-def forget(packages: set[str]) -> None:
+def forget(packages: set[str]) -> dict[str, ModuleType]:
     installed.cache_clear()
-    for name in list(sys.modules):
-        if name.partition(".")[0] in packages:
-            del sys.modules[name]
+    names = [name for name in sys.modules if name.partition(".")[0] in packages]
+    return {name: sys.modules.pop(name) for name in names}
 
 
 def lines(package: str, kind: str, *names: str) -> str:
