@@ -322,6 +322,20 @@ def test_a_signal_does_not_end_the_guard_while_it_cancels(path: Path, ros_domain
     assert "goals MAY STILL BE RUNNING" in err
 
 
+@pytest.mark.parametrize(("code", "passed_on"), [(0x80, False), (0, True)], ids=["tty", "kill"])
+def test_what_a_terminal_has_told_the_whole_group_is_not_passed_on(
+    code: int, passed_on: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[int] = []
+    program, own = Program(set, lambda _: None), os.getpid()  # which is in our group
+    told = SimpleNamespace(si_signo=signal.SIGINT, si_code=code)
+    monkeypatch.setattr(signal, "sigtimedwait", lambda *_: told)
+    monkeypatch.setattr(program, "_send", lambda pid, number: sent.append(pid))
+    assert program._hear({own})
+    assert sent == ([own] if passed_on else [])
+    assert program._heard == (set() if passed_on else {own})
+
+
 @pytest.mark.parametrize("warned", [False, True])
 def test_what_does_not_end_is_killed(warned: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     now, sent, said = 0.0, list[tuple[float, int]](), list[str]()

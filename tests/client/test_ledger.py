@@ -20,7 +20,7 @@ from rclpy.node import Node
 
 import actionkit as ak
 from actionkit import Ledger, RetryPolicy
-from actionkit._calls.ledger.file import _Writer, flush
+from actionkit._calls.ledger.file import _writer, flush
 from actionkit._calls.ledger.store import _transaction, attempt_id
 from actionkit._leftovers import cancelling, finding
 from actionkit._leftovers.cancelling import _report
@@ -616,10 +616,9 @@ def test_a_look_for_goals_ends_if_the_context_was_shut_down(make_client, ros_dom
 
 def test_a_client_waits_at_its_end_until_its_goals_are_removed():
     disk, removed = threading.Event(), []
-    writer = _Writer()
-    writer.soon(lambda: removed.append(disk.wait(20)))
+    _writer.soon(lambda: removed.append(disk.wait(20)))
     threading.Timer(0.1, disk.set).start()
-    writer.flush()
+    flush()
     assert removed == [True]
 
 

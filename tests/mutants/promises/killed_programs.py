@@ -265,7 +265,7 @@ MUTANTS = (
         "cli/guard/_program.py",
         "                if told.si_code <= 0 or leads:\n",
         "                if True:\n",
-        ("cli/test_guard.py::test_ctrl_c_in_a_terminal_reaches_the_program_once",),
+        ("cli/test_guard.py::test_what_a_terminal_has_told_the_whole_group_is_not_passed_on",),
     ),
     Mutant(
         "C12.3",
