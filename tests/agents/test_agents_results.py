@@ -134,6 +134,8 @@ def test_one_counts_while_a_goal_may_run_whose_server_has_not_left(last: bool) -
     future: Any = record._future
     future.callback(future)
     other, facts = future.facts if last else future.facts[::-1]
+    other.lost = other.gone = True
+    assert record.counts
     other.ended = other.over = True
     assert record.counts
     facts.lost = True  # its server is only silent

@@ -9,6 +9,8 @@ import subprocess
 import sys
 from functools import reduce
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -18,7 +20,7 @@ from actionkit._ros.holds import files, state
 from actionkit._ros.holds import view as views
 from actionkit._ros.holds.files import HoldFiles, UnreadableError
 from actionkit._ros.holds.state import Hold, HoldState, Sender, decode, encode, merged
-from actionkit._ros.holds.topic import Speaker
+from actionkit._ros.holds.topic import HoldTopic, Speaker
 from actionkit._ros.holds.view import HoldView
 
 IDS = st.sampled_from([f"id{number}" for number in range(6)])
@@ -303,6 +305,16 @@ def test_a_message_that_was_not_read_yet_may_be_a_hold(directory: Path) -> None:
     assert not view.surely_free
     assert view.known() == (HoldState(), "")
     assert view.surely_free
+
+
+def test_a_message_that_is_none_of_the_middlewares_may_be_a_hold() -> None:
+    topic: Any = HoldTopic.__new__(HoldTopic)
+    told: list[str] = []
+    topic._source = SimpleNamespace(take=lambda: [b"no message"])
+    topic._on_text = told.append
+    topic._take()
+    (text,) = told
+    assert decode(text)[0].active[0].by == state.UNREADABLE
 
 
 @pytest.mark.every

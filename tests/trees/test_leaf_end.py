@@ -234,6 +234,18 @@ def test_a_goal_that_stopped_does_not_count_while_its_call_may_send_another() ->
     assert run.known_to_run is None
 
 
+@pytest.mark.parametrize(("known", "now"), [(True, None), (False, False)])
+def test_of_a_goal_whose_client_was_closed_only_its_end_is_known(
+    known: bool | None, now: bool | None
+) -> None:
+    run = Run(None)
+    run.future = cast(Any, SimpleNamespace(done=lambda: True, known_to_run=known))
+    run._client = cast(Any, SimpleNamespace(closed=False))
+    assert run.known_to_run is known
+    run._client = cast(Any, SimpleNamespace(closed=True))
+    assert run.known_to_run is now
+
+
 @pytest.mark.parametrize(
     ("known", "lost", "holds_up"),
     [(True, False, True), (False, False, False), (None, False, True), (None, True, False)],

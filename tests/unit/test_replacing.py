@@ -160,10 +160,11 @@ def test_who_waits_no_more_is_told_nothing(begun: Callable[..., World]) -> None:
 
 
 def test_an_earlier_call_has_stopped_when_it_is_over_and_none_of_its_goals_may_run() -> None:
-    calls: Any = [Earlier() for _ in range(4)]
+    calls: Any = [Earlier(), Earlier(goals=2), Earlier(), Earlier()]
     stopped, lives_on, may_send, running = calls
     stopped.stop()
-    lives_on.over = True  # its goal was lost, or its cancel refused
+    lives_on.over = True  # one of its goals was lost, or its cancel refused
+    lives_on.facts[1].over = True
     may_send.facts[0].over = True  # in the pause before it is tried again
     assert not_stopped(calls) == (lives_on, may_send, running)
 

@@ -285,11 +285,15 @@ def test_a_call_that_comes_to_a_port_that_is_gone_does_not_hang() -> None:
 def test_a_call_on_a_thread_that_died_fails() -> None:
     port = Port()
     session = session_over(port)
-    port.runtime.failure = SystemExit("for the test")
-    call = Begun()
-    session.begin(call)  # type: ignore[arg-type]
+    before, behind = Begun(), Begun()
+    session.begin(before)  # type: ignore[arg-type]
     port.turn()
-    assert call.notes == ["failed"]
+    port.runtime.failure = SystemExit("for the test")
+    session.begin(behind)  # type: ignore[arg-type]
+    port.turn()
+    assert behind.notes == ["failed"]
+    session._on_failure(port.runtime.failure)
+    assert before.notes == ["started", "failed"]
 
 
 def test_a_future_whose_making_was_interrupted_is_dropped_quietly() -> None:

@@ -82,6 +82,19 @@ MUTANTS = (
         ("agents/test_toolbox.py::test_what_waits_for_a_server_does_not_run",),
     ),
     Mutant(
+        "C10.1",
+        "a call counts no more when the server of one of its goals has left",
+        "_calls/call_view.py",
+        "        return all(goal.is_lost_with_server for goal in self.facts_left)",
+        "        return any(goal.is_lost_with_server for goal in self.facts_left)",
+        (
+            (
+                "agents/test_agents_results.py::"
+                "test_one_counts_while_a_goal_may_run_whose_server_has_not_left"
+            ),
+        ),
+    ),
+    Mutant(
         "C10.2",
         "the smallest number of the configuration is no limit",
         "agents/_goal_model.py",
@@ -169,6 +182,22 @@ MUTANTS = (
         "        if value not in enum:\n",
         "        if False:\n",
         ("agents/test_agents_arguments.py::test_values_outside_of_limits",),
+    ),
+    Mutant(
+        "C10.2",
+        "the largest number of the configuration is no limit",
+        "agents/_goal_model.py",
+        "min(bounds[1], own.maximum)",
+        "bounds[1]",
+        ("agents/test_agents_arguments.py::test_values_outside_of_limits",),
+    ),
+    Mutant(
+        "C10.2",
+        "a field that must be given can be left out",
+        "agents/_goal_model.py",
+        "                required.append(name)\n",
+        "                pass\n",
+        ("agents/test_agents_config.py::test_required_fields_must_be_given",),
     ),
     Mutant(
         "C10.3",
@@ -309,6 +338,43 @@ MUTANTS = (
         "        if key in self._running:\n",
         "        if False:\n",
         ("agents/over_mcp/test_mcp_http.py::test_an_id_that_is_used_again_while_its_call_runs",),
+    ),
+    Mutant(
+        "C10.3",
+        "no human is asked",
+        "agents/_goal_call.py",
+        '            if tool.confirm == "always":\n',
+        "            if False:\n",
+        ("agents/over_mcp/test_mcp_calls.py::test_a_human_is_asked_first",),
+    ),
+    Mutant(
+        "C10.3",
+        "the goal of a request that is cancelled runs on",
+        "agents/_mcp/calls.py",
+        "                    task.cancel()\n                    #",
+        "                    pass\n                    #",
+        (
+            (
+                "agents/over_mcp/test_mcp_calls_alone.py::"
+                "test_a_client_that_is_gone_gets_nothing_sent_or_its_goal_cancelled"
+            ),
+        ),
+    ),
+    Mutant(
+        "C10.3",
+        "nobody sees that a client that waits has hung up",
+        "agents/_mcp/http.py",
+        "                pass\n            gone.set()",
+        "                pass\n            return",
+        ("agents/over_mcp/test_mcp_http.py::test_a_client_that_is_gone_before_its_call_begins",),
+    ),
+    Mutant(
+        "C10.3",
+        "the process ends before its goals were cancelled",
+        "agents/_mcp/calls.py",
+        "            await asyncio.wait_for(self._toolbox.cancel_all(), patience)",
+        "            asyncio.ensure_future(self._toolbox.cancel_all())",
+        ("agents/over_mcp/test_mcp_endings.py::test_a_signal",),
     ),
     Mutant(
         "C10.4",
@@ -524,6 +590,64 @@ MUTANTS = (
         (
             "cli/test_stop.py::test_a_server_that_stands_still_is_out_of_sight_and_its_client_is_not",
         ),
+    ),
+    Mutant(
+        "C10.4",
+        "a goal has stopped that a second server cancels yet",
+        "_ros/stopping/cancelling.py",
+        "        if len(row.entries) >= min(target.consents, self._most):\n",
+        "        if True:\n",
+        ("unit/test_stopping.py::test_what_one_of_two_servers_has_ended_may_run_on_the_other",),
+    ),
+    Mutant(
+        "C10.4",
+        "a goal has stopped that its server refuses to cancel",
+        "_ros/stopping/cancelling.py",
+        '        return "REFUSED", "The server',
+        '        return "CONFIRMED", "The server',
+        ("cli/test_cancel.py::test_what_is_said_of_a_goal",),
+    ),
+    Mutant(
+        "C10.4",
+        "a link in the place of the directory tells that nothing holds",
+        "_ros/holds/files.py",
+        "            if os.path.islink(directory):",
+        "            if False:",
+        ("agents/test_hold_state.py::test_a_link_in_the_place_of_the_directory_hides_no_hold",),
+    ),
+    Mutant(
+        "C10.4",
+        "a pipe in the place of a file is taken for one",
+        "_ros/holds/files.py",
+        "        if not stat.S_ISREG(os.lstat(path).st_mode):",
+        "        if False:",
+        ("agents/test_hold_state.py::test_what_is_in_the_place_of_a_file_may_be_a_hold[pipe]",),
+    ),
+    Mutant(
+        "C10.4",
+        "a message on the topic that cannot be decoded tells nothing",
+        "_ros/holds/topic.py",
+        "                text = repr(message[:200])\n",
+        "                continue\n",
+        (
+            "agents/test_hold_state.py::test_a_message_that_is_none_of_the_middlewares_may_be_a_hold",
+        ),
+    ),
+    Mutant(
+        "C10.4",
+        "nobody keeps the hold when the command has ended",
+        "cli/cancel_and_stop/_keeper.py",
+        "    _let_go()\n    while",
+        "    return _let_go()\n    while",
+        ("cli/test_stop.py::test_two_terminals_and_one_release",),
+    ),
+    Mutant(
+        "C10.4",
+        "the stop itself does not know of its hold",
+        "cli/cancel_and_stop/stop.py",
+        "        view.add(HoldState({hold.hold_id: hold}))\n",
+        "        pass\n",
+        ("cli/test_stop.py::test_a_hold_that_is_in_no_file_is_told_of",),
     ),
     Mutant(
         "C10.5",

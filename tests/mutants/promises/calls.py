@@ -387,6 +387,30 @@ MUTANTS = (
         ("client/test_misuse.py::test_after_close",),
     ),
     Mutant(
+        "C1.10",
+        "a call that slips in behind the closing sends its goal",
+        "_calls/session.py",
+        "        elif self._ended_because:\n",
+        "        elif False:\n",
+        ("unit/test_signal_safety.py::test_a_call_that_slips_in_behind_the_closing_sends_nothing",),
+    ),
+    Mutant(
+        "C1.10",
+        "a goal that is left on purpose is cancelled on a second server",
+        "_ros/requests.py",
+        "        if not abandoned:\n",
+        "        if True:\n",
+        ("unit/test_requests.py::test_a_goal_that_was_abandoned_is_never_cancelled",),
+    ),
+    Mutant(
+        "C1.10",
+        "closing does not wait for a server that had refused and is asked again",
+        "_calls/last_request.py",
+        "    return goal.facts.refused or elsewhere",
+        "    return False",
+        ("unit/test_last_request.py::test_its_answer_is_waited_for",),
+    ),
+    Mutant(
         "C1.11",
         "a wait for a server that is not there says that it is ready",
         "_calls/session.py",
@@ -557,6 +581,27 @@ MUTANTS = (
         ("client/test_replaces.py::test_a_server_that_preempts_gets_the_goal_at_once",),
     ),
     Mutant(
+        "C1.15",
+        "a goal is replaced though another one of its call may run",
+        "_calls/call_view.py",
+        "        return all(goal.is_over for goal in self._goals)",
+        "        return any(goal.is_over for goal in self._goals)",
+        (
+            (
+                "unit/test_replacing.py::"
+                "test_an_earlier_call_has_stopped_when_it_is_over_and_none_of_its_goals_may_run"
+            ),
+        ),
+    ),
+    Mutant(
+        "C1.15",
+        "a new goal that was rejected counts as one that has replaced the earlier one",
+        "_calls/call.py",
+        "        if self._request.preempt and self.goals.accepted:\n",
+        "        if self._request.preempt:\n",
+        ("client/test_replaces.py::test_a_new_goal_that_is_rejected_replaces_nothing",),
+    ),
+    Mutant(
         "C1.16",
         "giving up on a goal of somebody else cancels it",
         "_goal/record.py",
@@ -645,5 +690,29 @@ MUTANTS = (
         "            [action],\n",
         "            [],\n",
         ("client/test_attach.py::test_everything_is_cancelled_also_what_others_have_sent",),
+    ),
+    Mutant(
+        "C1.16",
+        "a cancel is lost that comes before a goal of somebody else is attached to",
+        "_calls/call.py",
+        "        if request.attach is not None and self.unwanted:\n",
+        "        if False:\n",
+        ("client/test_attach.py::test_a_cancel_before_a_server_is_in_sight_is_not_lost",),
+    ),
+    Mutant(
+        "C1.16",
+        "a program that ends cancels the goal of somebody else",
+        "_calls/call.py",
+        "        if self.left_alone and not self.unwanted:\n",
+        "        if False:\n",
+        ("client/test_attach.py::test_a_program_that_is_told_to_end_leaves_it_too",),
+    ),
+    Mutant(
+        "C1.16",
+        "a cancelled task cancels the goal of somebody else",
+        "_calls/future.py",
+        " or self._call.left_alone:\n            return False",
+        ":\n            return False",
+        ("client/test_attach.py::test_giving_up_leaves_it_or_cancels_it[task-leave]",),
     ),
 )

@@ -69,6 +69,22 @@ MUTANTS = (
         ("unit/test_goal_machine.py::test_a_goal_is_rejected",),
     ),
     Mutant(
+        "C3.1",
+        "a call on a thread that has died hangs",
+        "_calls/session.py",
+        "        if failure is not None:\n            call.fail",
+        "        if False:\n            call.fail",
+        ("unit/test_signal_safety.py::test_a_call_on_a_thread_that_died_fails",),
+    ),
+    Mutant(
+        "C3.1",
+        "a call whose thread dies hangs",
+        "_calls/session.py",
+        "            call.fail(DIED, error)\n        for",
+        "            pass\n        for",
+        ("unit/test_signal_safety.py::test_a_call_on_a_thread_that_died_fails",),
+    ),
+    Mutant(
         "C3.2",
         "an error does not keep its cause",
         "_calls/explain.py",

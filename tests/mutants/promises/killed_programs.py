@@ -204,6 +204,14 @@ MUTANTS = (
         ),
     ),
     Mutant(
+        "C12.2",
+        "a goal that was taken over and is left is not named",
+        "_calls/session.py",
+        "left += [goal for goal in taken_over if not any(goal is other for other in left)]",
+        "pass",
+        ("client/test_ledger.py::test_a_goal_that_was_taken_over_and_is_left_is_named",),
+    ),
+    Mutant(
         "C12.3",
         "the guard cancels nothing",
         "cli/guard/guard.py",

@@ -105,6 +105,22 @@ MUTANTS = (
         ("trees/test_leaf_earlier_goal.py::test_or_it_fails_and_says_so",),
     ),
     Mutant(
+        "C11.1",
+        "two threads that tick send two goals for one run",
+        "trees/_runs.py",
+        "            return  # another thread also",
+        "            pass  # another thread also",
+        ("trees/test_leaf_end.py::test_one_run_sends_one_goal_whoever_ticks",),
+    ),
+    Mutant(
+        "C11.1",
+        "a goal that nobody watches any more is known to run",
+        "trees/_runs.py",
+        "        return known if client_watches or known is False else None",
+        "        return known",
+        ("trees/test_leaf_end.py::test_of_a_goal_whose_client_was_closed_only_its_end_is_known",),
+    ),
+    Mutant(
         "C11.2",
         "a leaf that its tree interrupts lets its goal run",
         "trees/_behaviour.py",
