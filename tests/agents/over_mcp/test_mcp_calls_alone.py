@@ -75,6 +75,23 @@ def test_a_call_whose_task_begins_when_the_process_ends_sends_nothing() -> None:
     asyncio.run(scenario())
 
 
+def test_the_end_waits_until_the_goals_were_cancelled_and_not_for_ever() -> None:
+    async def scenario() -> None:
+        box: Any = Box()
+        confirmed = asyncio.Event()
+        box.cancel_all = confirmed.wait
+        ending = asyncio.ensure_future(Calls(box).end(60.0))
+        for _ in range(20):
+            await asyncio.sleep(0)
+        assert not ending.done()
+        confirmed.set()
+        await asyncio.wait_for(ending, 10)
+        confirmed.clear()
+        await asyncio.wait_for(Calls(box).end(0.01), 10)
+
+    asyncio.run(scenario())
+
+
 @pytest.mark.parametrize("before", [True, False])
 def test_a_client_that_is_gone_gets_nothing_sent_or_its_goal_cancelled(before: bool) -> None:
     async def scenario() -> None:

@@ -374,7 +374,10 @@ MUTANTS = (
         "agents/_mcp/calls.py",
         "            await asyncio.wait_for(self._toolbox.cancel_all(), patience)",
         "            asyncio.ensure_future(self._toolbox.cancel_all())",
-        ("agents/over_mcp/test_mcp_endings.py::test_a_signal",),
+        (
+            "agents/over_mcp/test_mcp_calls_alone.py::"
+            "test_the_end_waits_until_the_goals_were_cancelled_and_not_for_ever",
+        ),
     ),
     Mutant(
         "C10.4",
