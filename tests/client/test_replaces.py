@@ -155,6 +155,11 @@ def test_a_new_goal_that_is_rejected_replaces_nothing(action_server, make_client
         client.call({"order": -1}, replaces=later, preempt=True)
     client.call({"order": 1})  # which does not say that it replaces anything
     assert isinstance(later.exception(20), ak.GoalAbortedError)
+    last = running(server, client)
+    rejected = client.call_async({"order": -1}, replaces=last, preempt=True)
+    assert isinstance(rejected.exception(20), ak.GoalRejectedError)
+    client.call({"order": 1}, replaces=rejected)
+    assert last.outcome(20).status is GoalState.CANCELED  # before the server could abort it
 
 
 def test_what_has_no_goal_at_a_server_is_replaced_at_once(make_client):

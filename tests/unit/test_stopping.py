@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
+from io import StringIO
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit._ros.holds.state import Hold, HoldState, Sender
+from actionkit._ros.holds.state import Hold, HoldState, Sender, encode
 from actionkit._ros.holds.view import Said
 from actionkit._ros.stopping.cancel_goals import cancel_goals
 from actionkit._ros.stopping.cancelling import Cancelling
 from actionkit._ros.tools.cancel import AllSaid, CancelSaid
 from actionkit._ros.tools.watch import GoalSeen
 from actionkit.cli._shared.exits import Exit
+from actionkit.cli.cancel_and_stop import _keeper
 from actionkit.cli.cancel_and_stop._holding import agents_told, release
 from actionkit.cli.cancel_and_stop._stop_table import exit_of, table, worst
 
@@ -404,6 +407,25 @@ class Telling:
 
 
 OLD, NEW = Hold(1.0, "a", "ann@desk"), Hold(2.0, "b", "bob@arm")
+
+
+def test_the_keeper_stays_until_its_hold_is_released(monkeypatch: pytest.MonkeyPatch) -> None:
+    view: Any = SimpleNamespace(has_told=True, others=(), start=list, close=list)
+    view.add = partial(setattr, view, "state")
+    looks: list[float] = []
+
+    def wait(changed: object, seconds: float) -> None:
+        looks.append(seconds)
+        if len(looks) == 3:
+            view.state = HoldState()
+
+    monkeypatch.setattr("actionkit._ros.holds.view.HoldView", lambda *_, **__: view)
+    monkeypatch.setattr("sys.stdin", StringIO(encode(HoldState({"a": OLD}))))
+    for name, instead in (("_wait", wait), ("_let_go", list), ("_LEAST", 0.0), ("_MOST", 0.0)):
+        monkeypatch.setattr(_keeper, name, instead)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    _keeper.main()
+    assert len(looks) == 3
 
 
 def test_a_release_does_not_end_a_stop_that_comes_after_it(

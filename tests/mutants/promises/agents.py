@@ -642,15 +642,7 @@ MUTANTS = (
         "cli/cancel_and_stop/_keeper.py",
         "    _let_go()\n    while",
         "    return _let_go()\n    while",
-        ("cli/test_stop.py::test_two_terminals_and_one_release",),
-    ),
-    Mutant(
-        "C10.4",
-        "the stop itself does not know of its hold",
-        "cli/cancel_and_stop/stop.py",
-        "        view.add(HoldState({hold.hold_id: hold}))\n",
-        "        pass\n",
-        ("cli/test_stop.py::test_a_hold_that_is_in_no_file_is_told_of",),
+        ("unit/test_stopping.py::test_the_keeper_stays_until_its_hold_is_released",),
     ),
     Mutant(
         "C10.5",
