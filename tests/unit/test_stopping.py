@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import partial
 from io import StringIO
 from types import SimpleNamespace
@@ -19,7 +20,7 @@ from actionkit._ros.stopping.cancelling import Cancelling
 from actionkit._ros.tools.cancel import AllSaid, CancelSaid
 from actionkit._ros.tools.watch import GoalSeen
 from actionkit.cli._shared.exits import Exit
-from actionkit.cli.cancel_and_stop import _keeper
+from actionkit.cli.cancel_and_stop import _keeper, stop
 from actionkit.cli.cancel_and_stop._holding import agents_told, release
 from actionkit.cli.cancel_and_stop._stop_table import exit_of, table, worst
 
@@ -426,6 +427,26 @@ def test_the_keeper_stays_until_its_hold_is_released(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("signal.signal", lambda *_: None)
     _keeper.main()
     assert len(looks) == 3
+
+
+def test_a_stop_holds_agents_itself_also_where_no_process_can_keep_its_hold(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    view: Any = Telling(((), ""))
+    view.add, view.start = partial(setattr, view, "state"), list
+    view.in_files = lambda holds: True
+    keeper = SimpleNamespace(is_ready=lambda: False, pid=None)
+    monkeypatch.setattr("actionkit._ros.holds.view.HoldView", lambda *_, **__: view)
+    monkeypatch.setattr("actionkit.cli.cancel_and_stop._holding.Keeper", lambda hold: keeper)
+    survey = SimpleNamespace(domain_id=7)
+    monkeypatch.setattr(stop, "open_survey", lambda: nullcontext(survey))
+    monkeypatch.setattr(stop, "cancel_goals", lambda *_, **__: None)
+    monkeypatch.setattr(stop, "_GRACE", 0.0)
+    assert stop._stop_all(0.0, as_json=False) == Exit.FAILED
+    assert len(view.state.active) == 1
+    said = capsys.readouterr()
+    assert "Agents are held until `actionkit stop --release`" in said.out
+    assert "The process that keeps the hold has not come up" in said.err
 
 
 def test_a_release_does_not_end_a_stop_that_comes_after_it(

@@ -645,6 +645,19 @@ MUTANTS = (
         ("unit/test_stopping.py::test_the_keeper_stays_until_its_hold_is_released",),
     ),
     Mutant(
+        "C10.4",
+        "a stop whose background process does not come up holds nobody",
+        "cli/cancel_and_stop/stop.py",
+        "        view.add(HoldState({hold.hold_id: hold}))\n",
+        "        pass\n",
+        (
+            (
+                "unit/test_stopping.py::"
+                "test_a_stop_holds_agents_itself_also_where_no_process_can_keep_its_hold"
+            ),
+        ),
+    ),
+    Mutant(
         "C10.5",
         "a message that is older than allowed is returned",
         "_ros/tools/topic.py",
