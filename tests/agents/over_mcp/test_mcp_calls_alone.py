@@ -11,7 +11,7 @@ import mcp.types as t
 import pytest
 
 from actionkit.agents import ApprovalRequest
-from actionkit.agents._mcp import process
+from actionkit.agents._mcp import http, process
 from actionkit.agents._mcp.approval import Asked, CannotAskError
 from actionkit.agents._mcp.calls import Calls, EndingError, GoneError
 
@@ -73,6 +73,29 @@ def test_a_call_whose_task_begins_when_the_process_ends_sends_nothing() -> None:
         assert box.called == []
 
     asyncio.run(scenario())
+
+
+def test_a_client_that_hangs_up_while_its_request_is_served_is_gone() -> None:
+    seen: list[bool] = []
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        await receive()
+        seen.append(scope[http.GONE].is_set())
+        for _ in range(20):
+            await asyncio.sleep(0)
+        seen.append(scope[http.GONE].is_set())
+
+    async def scenario() -> None:
+        heard = iter(({"type": "http.request"}, {"type": "http.disconnect"}))
+
+        async def receive() -> Any:
+            return next(heard)
+
+        scope: Any = {"type": "http", "headers": []}
+        await http._Watched(app)(scope, receive, receive)
+
+    asyncio.run(scenario())
+    assert seen == [False, True]
 
 
 def test_the_end_waits_until_the_goals_were_cancelled_and_not_for_ever() -> None:

@@ -366,7 +366,10 @@ MUTANTS = (
         "agents/_mcp/http.py",
         "                pass\n            gone.set()",
         "                pass\n            return",
-        ("agents/over_mcp/test_mcp_http.py::test_a_client_that_is_gone_before_its_call_begins",),
+        (
+            "agents/over_mcp/test_mcp_calls_alone.py::"
+            "test_a_client_that_hangs_up_while_its_request_is_served_is_gone",
+        ),
     ),
     Mutant(
         "C10.3",
