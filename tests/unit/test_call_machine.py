@@ -29,6 +29,14 @@ ABORTED = Ending(End.ABORTED, GoalState.ABORTED, result="half of it")
 LOST = Ending(End.LOST, GoalState.LOST, news=LastNews.SERVER_GONE)
 SUCCEEDED = Ending(End.SUCCEEDED, GoalState.SUCCEEDED, result="all of it")
 WHY = "its server is gone, or silent"
+GIVEN_UP = replace(LOST, given_up=True)
+REPLACED = Ending(End.REPLACED, GoalState.REPLACED, given_up=True)
+UNCONFIRMED = Ending(End.DEADLINE, GoalState.TIMED_OUT, phase="cancel", given_up=True)
+NOT_CONFIRMED = replace(UNCONFIRMED, lost_because=WHY)
+RUNS: dict[str, Any] = {"accepted": True}
+SILENT: dict[str, Any] = {"accepted": True, "lost": True}
+GONE: dict[str, Any] = {"accepted": True, "lost": True, "gone": True}
+OVER: dict[str, Any] = {"over": True, "ended": True}
 
 
 class Sent:
@@ -104,14 +112,158 @@ def paused(machine: CallMachine, ending: Ending = LOST, **facts: Any) -> Sent:
     return attempt
 
 
+def pause(machine: CallMachine, ending: Ending = LOST, **facts: Any) -> Sent:
+    machine.begin(None, NOW)
+    return paused(machine, ending, **facts)
+
+
 def in_a_pause(resend: str = "confirmed_stopped", ending: Ending = LOST, **facts: Any) -> Any:
     machine = call(resend)
-    machine.begin(None, NOW)
-    return machine, paused(machine, ending, **facts)
+    return machine, pause(machine, ending, **facts)
 
 
 def ends(ending: Ending) -> list[cx.Effect]:
     return [cx.StopRetrying(), cx.Finish(ending)]
+
+
+def begin(machine: CallMachine) -> None:
+    machine.begin(None, NOW)
+
+
+def queue(machine: CallMachine) -> None:
+    machine.begin(None, NOW)
+    machine.server_ready()
+
+
+def change(machine: CallMachine, **values: Any) -> None:
+    for name, value in values.items():
+        setattr(machine, name, value)
+
+
+def judge(machine: CallMachine, ending: Ending, verdict: Verdict, **facts: Any) -> Any:
+    machine.ended(sent(machine, **facts), ending)
+    return machine.judged(ending, None, verdict)
+
+
+def fail(machine: CallMachine, **values: Any) -> Any:
+    """Lose the goal of the first attempt, and judge that it may be tried again."""
+    machine.ended(sent(machine, **GONE), LOST)
+    change(machine, **values)
+    return machine.judged(LOST, None, Verdict.TRANSIENT)
+
+
+def with_goals(machine: CallMachine, ending: Ending, **changes: Any) -> Ending:
+    return replace(ending, goals=machine.goals.reports, **changes)
+
+
+def taker(phase: Phase, *, accepted: bool = False) -> Any:
+    goals = SimpleNamespace(accepted=accepted)
+    return SimpleNamespace(phase=phase, goals=goals, goal_id=uuid.UUID(int=77))
+
+
+BY = fx.Record(GoalState.REPLACED, f"by goal {uuid.UUID(int=77)}")
+
+
+# --- how it ends -------------------------------------------------------------------------------
+
+ERROR, THAT_WAS_IT = ValueError("order"), GiveUp("that was it")
+UNWANTED, SHUT = "its caller no longer wants it", "the client was closed"
+EARLIER = (GoalReport(uuid.UUID(int=5), GoalFate.RUNNING),)
+SENDING, TIMED_OUT = GoalState.SENDING, GoalState.TIMED_OUT
+FAILED = cx.Count(success=False)
+
+
+def by_caller(state: GoalState) -> list[Any]:
+    return ends(Ending(End.CANCELLED_BY_CALLER, state, given_up=True))
+
+
+def too_late(phase: str, waiting: str) -> list[Any]:
+    ending = Ending(End.DEADLINE, TIMED_OUT, phase=phase, given_up=True)
+    return [fx.Record(TIMED_OUT, waiting), *ends(ending)]
+
+
+def not_retried(why: str) -> list[Any]:
+    return ends(replace(LOST, not_retried=why))
+
+
+ENDS: dict[str, tuple[Callable[[CallMachine], list[Any]], list[Any]]] = {
+    # Before its goal is sent.
+    "an invalid goal is not sent":
+        (lambda m: [m.begin(ERROR, NOW)],
+         ends(Ending(End.INVALID, GoalState.REJECTED, error=ERROR))),
+    "the middleware does not take the goal":
+        (lambda m: [queue(m), m.turn(NOW), m.send_failed(ERROR)],
+         ends(Ending(End.INVALID, SENDING, error=ERROR))),
+    "another type ends the call and is told":
+        (lambda m: [begin(m), m.type_mismatch(("a/action/B",))],
+         ends(Ending(End.TYPE_MISMATCH, SENDING, served=("a/action/B",)))),
+    "nothing is sent in place of goals that may run":
+        (lambda m: [m.not_replacing(EARLIER)],
+         ends(Ending(End.NOT_REPLACING, SENDING, earlier=EARLIER, given_up=True))),
+    "the deadline passes before the goal that it replaces stops":
+        (lambda m: [m.waited(NOW, ready=True)],
+         too_late("replace", "waiting for the goal that it replaces to stop")),
+    "the deadline passes in the queue":
+        (lambda m: [queue(m), m.waited(NOW, ready=True)], too_late("accept", "waiting to be sent")),
+    "no server comes":
+        (lambda m: [begin(m), m.waited(15.0, ready=False)],
+         [fx.Record(TIMED_OUT, "waiting for a server"), cx.StopRetrying(),
+          *ends(Ending(End.NO_SERVER, TIMED_OUT, given_up=True))]),
+    "a goal whose caller is about to cancel is not sent":
+        (lambda m: [queue(m), change(m, unwanted=True), m.turn(NOW)], by_caller(SENDING)),
+    "what breaks before the goal was sent ends the call":
+        (lambda m: [begin(m), m.broke(ERROR)], ends(Ending(End.LOST, GoalState.LOST, error=ERROR))),
+    "a call without a goal in flight is replaced":
+        (lambda m: [begin(m), m.replace_by(taker(Phase.NEW))],
+         [cx.StopRetrying(), BY, cx.Finish(REPLACED)]),
+    # By a verdict.
+    "a success gives a token back":
+        (lambda m: [judge(m, SUCCEEDED, Verdict.SUCCESS, **OVER)],
+         [cx.Count(success=True), *ends(SUCCEEDED)]),
+    "a failure that does not pass takes no token":
+        (lambda m: [judge(m, ABORTED, Verdict.PERMANENT, **OVER)], ends(ABORTED)),
+    "a failure that may pass is not tried again if its caller cancels":
+        (lambda m: [fail(m, unwanted=True)], [FAILED, *not_retried(UNWANTED)]),
+    "nor if its client is closed":
+        (lambda m: [fail(m, closing=SHUT)], [FAILED, *not_retried(SHUT)]),
+    "nor if both happen":
+        (lambda m: [fail(m, unwanted=True, closing=SHUT)], [FAILED, *not_retried(UNWANTED)]),
+    "nor if it is replaced":
+        (lambda m: [fail(m, _replacement=call())],
+         [FAILED, *not_retried("its caller has sent another goal in its place")]),
+    "nor if somebody else has cancelled it":
+        (lambda m: [judge(m, LOST, Verdict.TRANSIENT, **GONE, others_cancel=True)],
+         [FAILED, *not_retried("somebody else has cancelled it")]),
+    "the plan may be to give up":
+        (lambda m: [fail(m), m.planned(LOST, THAT_WAS_IT)], not_retried("that was it")),
+    "the plan may be to give up because no server came":
+        (lambda m: [fail(m), m.planned(replace(LOST, not_retried="no server came"), THAT_WAS_IT)],
+         not_retried("no server came, and that was it")),
+    # It is given up between attempts (contract C2.8).
+    "it describes the last goal if that has stopped":
+        (lambda m: [pause(m, ABORTED, **OVER), m.give_up(CANCELLED)], by_caller(GoalState.ABORTED)),
+    "it was cancelled before the next goal was sent":
+        (lambda m: [pause(m, ABORTED, **OVER), m.resume(NOW), m.give_up(CANCELLED)],
+         by_caller(SENDING)),
+    "the last goal was lost, and may run when the client closes":
+        (lambda m: [pause(m, **GONE), change(m, closing=SHUT), m.give_up(CLOSED)],
+         ends(replace(GIVEN_UP, end=End.CLOSED, lost_because=SHUT))),
+    "the last goal was lost, and may run when its caller cancels":
+        (lambda m: [pause(m, **GONE), m.give_up(CANCELLED)],
+         ends(replace(NOT_CONFIRMED, news=LastNews.SERVER_GONE))),
+    "a pause ends at the deadline":
+        (lambda m: [pause(m, **GONE), m.waited(NOW, ready=False)],
+         not_retried("the pause reached the deadline")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("events", "effects"), ENDS.values(), ids=list(ENDS))
+def test_a_call_ends(events: Callable[[CallMachine], list[Any]], effects: list[Any]) -> None:
+    machine = call()
+    *before, finish = effects
+    told = events(machine)[-1]
+    assert told == [*before, cx.Finish(with_goals(machine, finish.ending))]
+    assert machine.begin(None, NOW) == machine.turn(NOW) == []
 
 
 # --- until a goal is sent ----------------------------------------------------------------------
@@ -125,69 +277,6 @@ def test_it_waits_for_a_server_as_long_as_the_timeout_says(
     assert call(limit=limit).begin(None, NOW) == [sending, cx.AwaitServer(until)]
     attached = call(limit=limit, attaches=True)
     assert attached.begin(None, NOW) == [cx.AwaitServer(until)]  # somebody has sent it
-
-
-def test_an_invalid_goal_is_not_sent() -> None:
-    machine, error = call(), ValueError("order")
-    invalid = Ending(End.INVALID, GoalState.REJECTED, error=error)
-    assert machine.begin(error, NOW) == ends(invalid)
-    assert machine.begin(None, NOW) == []
-
-
-def test_a_goal_that_the_middleware_does_not_take_ends_the_call() -> None:
-    machine, error = call(), ValueError("order")
-    machine.begin(None, NOW)
-    machine.server_ready()
-    machine.turn(NOW)
-    assert machine.send_failed(error) == ends(Ending(End.INVALID, GoalState.SENDING, error=error))
-
-
-def test_another_type_ends_the_call_and_is_told() -> None:
-    machine = call()
-    machine.begin(None, NOW)
-    other = Ending(End.TYPE_MISMATCH, GoalState.SENDING, served=("a/action/B",))
-    assert machine.type_mismatch(("a/action/B",)) == ends(other)
-
-
-def test_nothing_is_sent_in_place_of_goals_that_may_run() -> None:
-    left = (GoalReport(uuid.uuid4(), GoalFate.RUNNING),)
-    kept = Ending(End.NOT_REPLACING, GoalState.SENDING, earlier=left, given_up=True)
-    assert call().not_replacing(left) == ends(kept)
-
-
-def begin(machine: CallMachine) -> None:
-    machine.begin(None, NOW)
-
-
-def queue(machine: CallMachine) -> None:
-    machine.begin(None, NOW)
-    machine.server_ready()
-
-
-TOO_LATE = [
-    (lambda machine: None, "replace", "waiting for the goal that it replaces to stop"),
-    (queue, "accept", "waiting to be sent"),
-]
-
-
-@pytest.mark.parametrize(("before", "phase", "told"), TOO_LATE)
-def test_the_deadline_passes_and_nothing_was_sent(
-    before: Callable[[CallMachine], None], phase: str, told: str
-) -> None:
-    machine = call()
-    before(machine)
-    late = Ending(End.DEADLINE, GoalState.TIMED_OUT, phase=phase, given_up=True)
-    told_so = fx.Record(GoalState.TIMED_OUT, told)
-    assert machine.waited(NOW, ready=True) == [told_so, *ends(late)]
-
-
-def test_no_server_comes() -> None:
-    machine = call()
-    machine.begin(None, NOW)
-    told_so = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
-    none_there = Ending(End.NO_SERVER, GoalState.TIMED_OUT, given_up=True)
-    effects = machine.waited(15.0, ready=False)
-    assert effects == [told_so, cx.StopRetrying(), *ends(none_there)]
 
 
 @pytest.mark.parametrize("before", [lambda machine: None, begin, queue])
@@ -212,21 +301,6 @@ def test_a_call_that_is_given_up_before_its_goal_was_sent_sends_none(
     assert machine.turn(NOW) == []
 
 
-def test_a_goal_whose_caller_is_about_to_cancel_is_not_sent() -> None:
-    machine = call()
-    queue(machine)
-    machine.unwanted = True
-    assert machine.turn(NOW) == ends(
-        Ending(End.CANCELLED_BY_CALLER, GoalState.SENDING, given_up=True)
-    )
-
-
-def test_what_breaks_before_the_goal_was_sent_ends_the_call() -> None:
-    machine, error = call(), RuntimeError("no memory")
-    machine.begin(None, NOW)
-    assert machine.broke(error) == ends(Ending(End.LOST, GoalState.LOST, error=error))
-
-
 def test_the_ids_of_later_goals_come_from_the_ledger() -> None:
     machine = call()
     machine.use_ids(lambda number: uuid.UUID(int=100 + number))
@@ -238,11 +312,6 @@ def test_the_ids_of_later_goals_come_from_the_ledger() -> None:
 
 
 # --- may another goal be sent? (contract C4.2) -------------------------------------------------
-
-RUNS: dict[str, Any] = {"accepted": True}
-SILENT: dict[str, Any] = {"accepted": True, "lost": True}
-GONE: dict[str, Any] = {"accepted": True, "lost": True, "gone": True}
-OVER: dict[str, Any] = {"over": True, "ended": True}
 
 
 @pytest.mark.parametrize(
@@ -329,59 +398,8 @@ def test_a_goal_in_the_queue_waits_again_when_the_last_server_leaves(
 # --- what follows from an end ------------------------------------------------------------------
 
 
-def with_goals(machine: CallMachine, ending: Ending, **changes: Any) -> Ending:
-    return replace(ending, goals=machine.goals.reports, **changes)
-
-
-def test_a_success_gives_a_token_back() -> None:
-    machine = call()
-    attempt = sent(machine, **OVER)
-    machine.ended(attempt, SUCCEEDED)
-    ending = with_goals(machine, SUCCEEDED)
-    effects = machine.judged(SUCCEEDED, None, Verdict.SUCCESS)
-    assert effects == [cx.Count(success=True), *ends(ending)]
-
-
-def test_a_failure_that_does_not_pass_takes_no_token() -> None:
-    machine = call()
-    attempt = sent(machine, **OVER)
-    machine.ended(attempt, ABORTED)
-    effects = machine.judged(ABORTED, None, Verdict.PERMANENT)
-    assert effects == ends(with_goals(machine, ABORTED))
-
-
-@pytest.mark.parametrize(
-    ("change", "why"),
-    [
-        ({"unwanted": True}, "its caller no longer wants it"),
-        ({"closing": "the client was closed"}, "the client was closed"),
-        ({"unwanted": True, "closing": "the client was closed"}, "its caller no longer wants it"),
-        ({"_replacement": call()}, "its caller has sent another goal in its place"),
-    ],
-    ids=["cancelled", "closed", "both", "replaced"],
-)
-def test_why_a_failure_that_may_pass_is_not_tried_again(change: dict[str, Any], why: str) -> None:
-    machine = call()
-    attempt = sent(machine, **GONE)
-    machine.ended(attempt, LOST)
-    for name, value in change.items():
-        setattr(machine, name, value)
-    effects = machine.judged(LOST, None, Verdict.TRANSIENT)
-    ending = with_goals(machine, LOST, not_retried=why)
-    assert effects == [cx.Count(success=False), *ends(ending)]
-
-
-def test_what_somebody_else_cancels_is_not_tried_again() -> None:
-    machine = call()
-    attempt = sent(machine, **GONE, others_cancel=True)
-    machine.ended(attempt, LOST)
-    effects = machine.judged(LOST, None, Verdict.TRANSIENT)
-    ending = with_goals(machine, LOST, not_retried="somebody else has cancelled it")
-    assert effects == [cx.Count(success=False), *ends(ending)]
-
-
 @pytest.mark.parametrize("seen", ["in the pause", "at its turn", "when no server came"])
-def test_nor_is_it_if_that_is_seen_only_after_the_verdict(seen: str) -> None:
+def test_what_somebody_else_cancels_is_not_tried_again_after_the_verdict_either(seen: str) -> None:
     """The error names the goal that was sent, not the next one."""
     machine, attempt = in_a_pause(**OVER)
     if seen != "in the pause":
@@ -401,19 +419,6 @@ def test_a_goal_of_somebody_else_is_followed_also_if_it_is_being_cancelled() -> 
     queue(attached)
     attached.goals.facts_left[0].others_cancel = True
     assert attached.turn(NOW) == [cx.Send()]
-
-
-def test_the_plan_may_be_to_give_up() -> None:
-    for before, told in (
-        ("", "that was it"),
-        ("no server came", "no server came, and that was it"),
-    ):
-        machine = call()
-        attempt = sent(machine, **GONE)
-        machine.ended(attempt, LOST)
-        machine.judged(LOST, None, Verdict.TRANSIENT)
-        effects = machine.planned(replace(LOST, not_retried=before), GiveUp("that was it"))
-        assert effects == ends(with_goals(machine, LOST, not_retried=told))
 
 
 def test_news_of_another_attempt_ends_nothing() -> None:
@@ -461,46 +466,13 @@ def test_the_result_of_another_goal_or_beside_one_in_flight_ends_nothing() -> No
 # --- giving up between attempts (contract C2.8) ------------------------------------------------
 
 
-def test_it_describes_the_last_goal_if_that_has_stopped() -> None:
-    machine, _ = in_a_pause(ending=ABORTED, **OVER)
-    given_up = Ending(End.CANCELLED_BY_CALLER, GoalState.ABORTED, given_up=True)
-    assert machine.give_up(CANCELLED) == ends(with_goals(machine, given_up))
-
-
-def test_it_was_cancelled_before_the_next_goal_was_sent() -> None:
-    machine, _ = in_a_pause(ending=ABORTED, **OVER)
-    machine.resume(NOW)
-    given_up = Ending(End.CANCELLED_BY_CALLER, GoalState.SENDING, given_up=True)
-    assert machine.give_up(CANCELLED) == ends(with_goals(machine, given_up))
-
-
-def test_it_says_that_the_last_goal_may_run_if_that_was_lost() -> None:
-    given_up = replace(LOST, given_up=True)
-    machine, _ = in_a_pause(**GONE)
-    machine.closing = "the client was closed"
-    ending = with_goals(machine, given_up, end=End.CLOSED, lost_because="the client was closed")
-    assert machine.give_up(CLOSED) == ends(ending)
-    machine, _ = in_a_pause(**GONE)
-    late = replace(given_up, end=End.DEADLINE, status=GoalState.TIMED_OUT, phase="cancel")
-    ending = with_goals(machine, late, lost_because=WHY)
-    assert machine.give_up(CANCELLED) == ends(ending)
-
-
-def test_a_pause_ends_at_the_deadline() -> None:
-    machine, _ = in_a_pause(**GONE)
-    ending = with_goals(machine, LOST, not_retried="the pause reached the deadline")
-    assert machine.waited(NOW, ready=False) == ends(ending)
-
-
 def test_it_waits_for_what_a_server_in_sight_may_confirm() -> None:
     machine, attempt = in_a_pause("always", **RUNS, in_sight=True)
     assert machine.end_grace("no time is left") == []
     assert machine.give_up(CANCELLED) == [cx.StopRetrying(), cx.AwaitEarlier()]
     assert machine.earlier_over() == []
     attempt.stop()
-    ending = Ending(
-        End.CANCELLED_BY_CALLER, GoalState.LOST, news=LastNews.SERVER_GONE, given_up=True
-    )
+    ending = replace(GIVEN_UP, end=End.CANCELLED_BY_CALLER)
     effects = machine.earlier_over()
     assert effects == [cx.StopAwaiting(), cx.Finish(with_goals(machine, ending))]
 
@@ -509,9 +481,7 @@ def test_it_waits_no_more_when_the_server_goes_out_of_sight_and_says_so() -> Non
     machine, attempt = in_a_pause("always", **RUNS, in_sight=True)
     machine.give_up(CANCELLED)
     attempt.goal.may_run = False
-    given_up = replace(LOST, given_up=True)
-    late = replace(given_up, end=End.DEADLINE, status=GoalState.TIMED_OUT, phase="cancel")
-    ending = with_goals(machine, late, lost_because=WHY)
+    ending = with_goals(machine, NOT_CONFIRMED, news=LastNews.SERVER_GONE)
     assert machine.earlier_over() == [cx.StopAwaiting(), cx.Finish(ending)]
 
 
@@ -523,8 +493,7 @@ def test_it_names_the_latest_goal_that_may_run_if_no_server_confirms_it_in_time(
     machine.resume(NOW)
     machine.give_up(CANCELLED)
     effects = machine.end_grace("no time is left")
-    late = Ending(End.DEADLINE, GoalState.TIMED_OUT, phase="cancel", given_up=True)
-    assert effects == [cx.StopAwaiting(), cx.Finish(with_goals(machine, late))]
+    assert effects == [cx.StopAwaiting(), cx.Finish(with_goals(machine, UNCONFIRMED))]
     assert machine.goal_id == uuid.UUID(int=3)
     assert [report.goal_id.int for report in machine.goals.reports] == [1, 2, 3]
 
@@ -543,14 +512,6 @@ def test_who_gives_up_while_an_end_is_judged_waits_for_the_verdict(closing: str,
 
 
 # --- another goal in its place (contract C1.15) ------------------------------------------------
-
-
-def taker(phase: Phase, *, accepted: bool = False) -> Any:
-    goals = SimpleNamespace(accepted=accepted)
-    return SimpleNamespace(phase=phase, goals=goals, goal_id=uuid.UUID(int=77))
-
-
-BY = fx.Record(GoalState.REPLACED, f"by goal {uuid.UUID(int=77)}")
 
 
 @pytest.mark.parametrize("other", [taker(Phase.NEW), taker(Phase.ENDED, accepted=True)])
@@ -574,12 +535,7 @@ def test_a_goal_is_not_replaced_by_one_that_was_refused_and_may_succeed() -> Non
     assert success == [cx.Count(success=True), *ends(with_goals(machine, SUCCEEDED))]
 
 
-def test_a_call_without_a_goal_in_flight_ends_when_it_is_replaced() -> None:
-    machine = call()
-    machine.begin(None, NOW)
-    replaced = Ending(End.REPLACED, GoalState.REPLACED, given_up=True)
-    effects = machine.replace_by(taker(Phase.NEW))
-    assert effects == [cx.StopRetrying(), BY, cx.Finish(replaced)]
+def test_a_call_of_a_goal_of_somebody_else_waits_for_it_when_it_is_replaced() -> None:
     attached = call(attaches=True)
     attached.begin(None, NOW)
     assert attached.replace_by(taker(Phase.NEW)) == [cx.AwaitEarlier()]  # its goal may run
@@ -591,8 +547,7 @@ def test_a_goal_is_not_replaced_while_an_earlier_one_of_its_call_may_run() -> No
     attempt = send(machine, **OVER)
     machine.replace_by(taker(Phase.NEW))
     effects = machine.ended(attempt, ABORTED)
-    late = Ending(End.DEADLINE, GoalState.TIMED_OUT, phase="cancel", given_up=True)
-    ending = with_goals(machine, late, lost_because=WHY)
+    ending = with_goals(machine, NOT_CONFIRMED)
     assert effects == ends(ending)  # without the result, which is of no use
 
 
@@ -613,8 +568,7 @@ def test_it_is_cancelled_as_soon_as_a_server_is_there(
     assert machine.end_grace("no time is left") == []  # nobody has cancelled it
     assert machine.give_up(CANCELLED) == [cx.AwaitEarlier()]
     assert machine.give_up(CLOSED) == []
-    late = Ending(End.DEADLINE, GoalState.TIMED_OUT, phase="cancel", given_up=True)
-    ending = with_goals(machine, late, lost_because=WHY)
+    ending = with_goals(machine, NOT_CONFIRMED)
     assert machine.end_grace("no time is left") == [cx.StopAwaiting(), *ends(ending)]
     assert machine.end_grace("no time is left") == machine.give_up(CANCELLED) == []
 
