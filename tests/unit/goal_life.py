@@ -42,6 +42,23 @@ GIVING_UP = {
 }
 
 
+def sent_to(servers: int, *, accepted: int = 0, at: float = 0.0, **timeouts: Any) -> Goal:
+    """Return a goal that so many servers may have got, and so many have accepted."""
+    goal = Goal(uuid.uuid4(), Timeouts(**timeouts))
+    goal.sent(0.0, servers=servers)
+    for _ in range(accepted):
+        goal.accepted(at)
+    return goal
+
+
+def on_two(*, accepted: int = 0, at: float = 0.0) -> Goal:
+    return sent_to(2, accepted=accepted, at=at)
+
+
+def endings(effects: list[Effect]) -> list[Ending]:
+    return [each.ending for each in effects if isinstance(each, Settle)]
+
+
 class Broken(AssertionError):
     """The machine did what it must never do."""
 
@@ -171,6 +188,13 @@ class Life:
             effects = self.tell(event)
         return effects
 
+    def after(self, *events: str, until: float | None = None) -> Life:
+        """Let events without arguments happen, wait, and return itself."""
+        self.see(*events)
+        if until is not None:
+            self.wait_until(until)
+        return self
+
     def tell(self, event: str, *args: Any, **options: Any) -> list[Effect]:
         """Let an event happen now; return what it asks for."""
         before = replace(self.server)
@@ -233,6 +257,11 @@ class Life:
         self.now = max(self.now, moment)
 
     # --- what happened ---------------------------------------------------------------------
+
+    @property
+    def ended(self) -> Ending:
+        assert self.ending is not None
+        return self.ending
 
     @property
     def end(self) -> End | None:

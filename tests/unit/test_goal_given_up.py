@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
+from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life, endings, on_two, sent_to
 
 from actionkit._goal.effects import (
     Arm,
@@ -37,6 +37,20 @@ REFUSED = "the server refused to cancel; the goal runs on"
 
 def refusals(effects: list[Effect]) -> list[GoalState]:
     return [each.state for each in effects if isinstance(each, Record) and each.cancel_refused]
+
+
+def refuse(life: Life, times: int = 2) -> None:
+    """Let the server refuse to cancel, so often that it is believed unless told otherwise."""
+    for _ in range(times):
+        life.tell("cancel_answered", CancelAnswer.REFUSED)
+        life.wait_until(life.now + DOUBT)
+
+
+def refused(times: int = 2, deadline: float | None = 60.0, **timeouts: float | None) -> Life:
+    """Return a goal whose caller has cancelled it, which its server has refused."""
+    life = Life(deadline, **timeouts).after(*UNTIL_ACCEPTED, "cancel")
+    refuse(life, times)
+    return life
 
 
 # --- what its caller is told of it -------------------------------------------------------------
@@ -95,16 +109,13 @@ def test_of_several_goals_of_a_call_those_that_may_run_count(
 
 @pytest.mark.parametrize(("events", "phase"), [(UNTIL_SENT, "accept"), (UNTIL_ACCEPTED, "execute")])
 def test_the_deadline_passes_in_flight(events: tuple[str, ...], phase: str) -> None:
-    life = Life(3.0)
-    life.see(*events)
-    life.wait_until(3.0)
+    life = Life(3.0).after(*events, until=3.0)
     assert AskCancel() in life.all
     assert Record(GoalState.TIMED_OUT, "waiting for the result") in life.all
     assert not life.goal.settled
     life.wait_until(5.0)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
-    assert life.ending is not None
-    assert life.ending.phase == phase
+    assert life.ended.phase == phase
     assert life.count(Release) == 0  # it is watched on (C2.4)
 
 
@@ -112,38 +123,29 @@ def test_the_deadline_passes_in_flight(events: tuple[str, ...], phase: str) -> N
     ("status", "late"), [("CANCELED", None), ("ABORTED", None), ("SUCCEEDED", "result")]
 )
 def test_the_result_comes_in_the_grace_after_the_deadline(status: str, late: str | None) -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(3.0)
+    life = Life(3.0).after(*UNTIL_ACCEPTED, until=3.0)
     life.tell("result", GoalState(status), "result")
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.CONFIRMED)
-    assert life.ending is not None
-    assert (life.ending.result, life.ending.status) == (late, GoalState(status))
+    assert (life.ended.result, life.ended.status) == (late, GoalState(status))
 
 
 def test_a_goal_that_has_ended_is_not_cancelled_at_the_deadline() -> None:
     """Only its result is missing."""
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
+    life = Life(3.0).after(*UNTIL_ACCEPTED)
     life.tell("status", GoalState.SUCCEEDED)
     before = len(life.all)
     life.wait_until(3.0)
     assert AskResult() in life.all[before:]
     life.wait_until(5.0)
     assert AskCancel() not in life.all
-    assert life.ending is not None
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.CONFIRMED)
-    assert life.ending.ended_first
+    assert life.ended.ended_first
 
 
 @pytest.mark.parametrize("times", [1, 2, 3])
 def test_the_server_refuses_to_cancel_after_the_deadline(times: int) -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(3.0)
-    for _ in range(times):
-        life.tell("cancel_answered", CancelAnswer.REFUSED)
-        life.wait_until(life.now + DOUBT)
+    life = Life(3.0).after(*UNTIL_ACCEPTED, until=3.0)
+    refuse(life, times)
     life.wait_until(4.9)
     assert life.end is None  # its success may come yet
     life.wait_until(5.0)
@@ -156,43 +158,37 @@ def test_the_server_refuses_to_cancel_after_the_deadline(times: int) -> None:
 
 @pytest.mark.parametrize("refusals", [1, 2])
 def test_a_success_that_was_refused_a_cancel_is_not_thrown_away(refusals: int) -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(3.0)
-    for _ in range(refusals):
-        life.tell("cancel_answered", CancelAnswer.REFUSED)
-        life.wait_until(life.now + DOUBT)
+    life = Life(3.0).after(*UNTIL_ACCEPTED, until=3.0)
+    refuse(life, refusals)
     life.wait_until(4.9)
     life.tell("result", GoalState.SUCCEEDED, 1)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.CONFIRMED)
-    assert life.ending is not None
-    assert life.ending.result == 1
+    assert life.ended.result == 1
 
 
+@pytest.mark.parametrize("accepted", [1, 2])
 @pytest.mark.parametrize(
     ("why", "end"),
     [(CancelReason.DEADLINE, End.DEADLINE), (CancelReason.CANCELLED, End.SUCCEEDED)],
 )
 def test_a_success_is_not_lost_where_another_server_does_not_confirm(
-    why: CancelReason, end: End
+    accepted: int, why: CancelReason, end: End
 ) -> None:
     """It was held back until the other server would have stopped the goal, too."""
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=2)
-    goal.accepted(0.1)
+    goal = on_two(accepted=accepted, at=0.1)
     goal.give_up(why, 3.0)
     effects = goal.result(GoalState.SUCCEEDED, "result", 3.5, asked_at=0.1, everybody=False)
     assert Settle not in map(type, effects)
-    (settle,) = (each for each in goal.timer(Timer.CANCEL, 5.0) if isinstance(each, Settle))
-    assert (settle.ending.end, settle.ending.result) == (end, "result")
-    assert settle.ending.cancel is CancelReport.UNKNOWN
+    (ending,) = endings(goal.timer(Timer.CANCEL, 5.0))
+    assert (ending.end, ending.result) == (end, "result")
+    assert ending.cancel is CancelReport.UNKNOWN
+    assert ending.news is LastNews.NOTHING
+    assert AskCancel() in goal.timer(Timer.REASK, 6.0)
 
 
 def test_a_refusal_is_asked_about_once_more() -> None:
     """rclpy refuses in the same words where the goal has just ended (R12)."""
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(3.0)
+    life = Life(3.0).after(*UNTIL_ACCEPTED, until=3.0)
     assert life.all.count(AskCancel()) == 1
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.wait_until(3.0 + DOUBT)
@@ -204,9 +200,7 @@ def test_a_refusal_is_asked_about_once_more() -> None:
 
 def test_a_second_refusal_counts_only_where_it_was_asked_for_after_the_first() -> None:
     """Where packets are lost, what was asked in one moment may be answered seconds apart."""
-    life = Life()
-    life.see(*UNTIL_ACCEPTED, "cancel")
-    life.wait_until(1.0)
+    life = Life().after(*UNTIL_ACCEPTED, "cancel", until=1.0)
     life.tell("cancel_answered", CancelAnswer.REFUSED, asked_at=0.1)
     life.wait_until(1.0 + 2 * DOUBT)
     life.tell("cancel_answered", CancelAnswer.REFUSED, asked_at=0.2)
@@ -216,9 +210,7 @@ def test_a_second_refusal_counts_only_where_it_was_asked_for_after_the_first() -
 
 
 def test_a_goal_is_lost_only_where_that_was_said_after_it_was_first_said() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(1.0)
+    life = Life().after(*UNTIL_ACCEPTED, until=1.0)
     life.tell("result", None, None, asked_at=0.1)
     life.wait_until(1.0 + 2 * DOUBT)
     life.tell("result", None, None, asked_at=0.2)
@@ -228,9 +220,7 @@ def test_a_goal_is_lost_only_where_that_was_said_after_it_was_first_said() -> No
 
 
 def test_a_refusal_of_a_server_that_is_gone_says_nothing_of_now() -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(3.0)
+    life = Life(3.0).after(*UNTIL_ACCEPTED, until=3.0)
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.tell("server_lost", "gone")
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
@@ -248,31 +238,24 @@ def test_a_refusal_is_not_told_of_a_later_cancel_that_nobody_answers() -> None:
     life.wait_until(life.now + 3.0)
     assert life.report is CancelReport.UNKNOWN
     report = life.goal.facts.report
-    assert life.ending is not None
     assert report == GoalReport(life.goal.facts.goal_id, GoalFate.RUNNING, cancel_refused=False)
     assert replace(life.ending, goals=(report,)).cancel is CancelReport.UNKNOWN
 
 
 def test_the_goal_is_rejected_after_the_deadline() -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_SENT)
-    life.wait_until(3.0)
+    life = Life(3.0).after(*UNTIL_SENT, until=3.0)
     life.see("rejected")
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.NOT_NEEDED)
 
 
 def test_the_rejection_of_a_goal_whose_caller_has_left_is_told_of() -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_SENT)
-    life.wait_until(5.0)
+    life = Life(3.0).after(*UNTIL_SENT, until=5.0)
     late = LateResult(GoalState.REJECTED, None)
     assert life.see("rejected") == [Record(GoalState.REJECTED), late, Release()]
 
 
 def test_the_server_is_lost_after_the_deadline() -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(3.0)
+    life = Life(3.0).after(*UNTIL_ACCEPTED, until=3.0)
     life.tell("server_lost", "gone")
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
 
@@ -281,16 +264,13 @@ def test_the_server_is_lost_after_the_deadline() -> None:
 
 
 def test_the_server_does_not_answer_and_accepts_after_all() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
-    life.wait_until(5.0)
+    life = Life().after(*UNTIL_SENT, until=5.0)
     assert Record(GoalState.TIMED_OUT, "waiting for acceptance") in life.all
     assert life.goal.stage is Stage.SENT
     life.wait_until(7.0)
     assert (life.end, life.report) == (End.NO_ACCEPTANCE, CancelReport.UNKNOWN)
-    assert life.ending is not None
-    assert life.ending.status is GoalState.TIMED_OUT
-    assert life.ending.news is LastNews.NOTHING
+    assert life.ended.status is GoalState.TIMED_OUT
+    assert life.ended.news is LastNews.NOTHING
     life.wait_until(100.0)
     assert AskCancel() in life.see("accepted")
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
@@ -299,9 +279,7 @@ def test_the_server_does_not_answer_and_accepts_after_all() -> None:
 
 
 def test_a_goal_whose_request_was_dropped_is_asked_for_less_and_less_and_forgotten() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
-    life.wait_until(8.0)
+    life = Life().after(*UNTIL_SENT, until=8.0)
     while not life.count(Release):
         life.tell("result", None, None)  # the server lives, and does not know it
         life.wait_until(min(life.timers.values()))
@@ -315,9 +293,7 @@ def test_a_goal_whose_request_was_dropped_is_asked_for_less_and_less_and_forgott
 
 def test_a_goal_of_a_server_that_denied_it_and_fell_silent_is_not_forgotten() -> None:
     """It may be busy, with the request in its queue behind others."""
-    life = Life()
-    life.see(*UNTIL_SENT)
-    life.wait_until(8.0)
+    life = Life().after(*UNTIL_SENT, until=8.0)
     for _ in range(8):
         life.tell("result", None, None)
         life.wait_until(min(life.timers.values()))
@@ -329,9 +305,7 @@ def test_a_goal_of_a_server_that_denied_it_and_fell_silent_is_not_forgotten() ->
 
 
 def test_a_goal_of_a_silent_server_is_not_forgotten() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
-    life.wait_until(7200.0)
+    life = Life().after(*UNTIL_SENT, until=7200.0)
     assert life.count(Release) == 0
     assert AskCancel() in life.see("accepted")
 
@@ -340,8 +314,7 @@ def test_a_goal_of_a_silent_server_is_not_forgotten() -> None:
 def test_an_unanswered_goal_that_the_server_does_not_know_is_waited_for_no_more(
     answer: str,
 ) -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
+    life = Life().after(*UNTIL_SENT)
     life.tell("result", None, None)  # in good time: it may be taken yet (R6)
     assert life.end is None
     life.wait_until(5.0)
@@ -351,8 +324,7 @@ def test_an_unanswered_goal_that_the_server_does_not_know_is_waited_for_no_more(
     else:
         life.tell("result", None, None)
     assert (life.end, life.report) == (End.NO_ACCEPTANCE, CancelReport.UNKNOWN)
-    assert life.ending is not None
-    assert life.ending.news is LastNews.UNKNOWN_TO_SERVER
+    assert life.ended.news is LastNews.UNKNOWN_TO_SERVER
     life.wait_until(100.0)
     assert life.count(Release) == 0  # it may be accepted yet, and is cancelled then (R6)
     assert AskCancel() in life.see("accepted")
@@ -365,9 +337,7 @@ def test_an_unanswered_goal_that_the_server_does_not_know_is_waited_for_no_more(
     ("status", "end"), [("SUCCEEDED", End.SUCCEEDED), ("CANCELED", End.NO_ACCEPTANCE)]
 )
 def test_acceptance_comes_while_the_unanswered_goal_is_cancelled(status: str, end: End) -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
-    life.wait_until(5.0)
+    life = Life().after(*UNTIL_SENT, until=5.0)
     life.see("accepted")
     life.tell("result", GoalState(status), "result")
     assert life.end is end
@@ -375,29 +345,21 @@ def test_acceptance_comes_while_the_unanswered_goal_is_cancelled(status: str, en
 
 
 def test_an_unanswered_goal_is_rejected_after_all() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
-    life.wait_until(5.0)
+    life = Life().after(*UNTIL_SENT, until=5.0)
     life.see("rejected")
     assert life.end is End.REJECTED
 
 
 def test_an_unanswered_goal_may_be_lost_with_its_server() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
-    life.wait_until(5.0)
+    life = Life().after(*UNTIL_SENT, until=5.0)
     life.tell("server_lost", "gone")
     assert life.end is End.LOST
 
 
 def test_an_unanswered_goal_that_is_accepted_and_not_cancelled_is_waited_for() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
-    life.wait_until(5.0)
+    life = Life().after(*UNTIL_SENT, until=5.0)
     life.see("accepted")
-    for _ in range(2):
-        life.tell("cancel_answered", CancelAnswer.REFUSED)
-        life.wait_until(life.now + DOUBT)
+    refuse(life)
     life.wait_until(100.0)
     assert life.end is None
     life.tell("result", GoalState.SUCCEEDED, 1)
@@ -408,8 +370,7 @@ def test_an_unanswered_goal_that_is_accepted_and_not_cancelled_is_waited_for() -
 
 
 def test_feedback_stalls() -> None:
-    life = Life(feedback=1.0)
-    life.see(*UNTIL_ACCEPTED)
+    life = Life(feedback=1.0).after(*UNTIL_ACCEPTED)
     for second in (0.9, 1.8, 2.7):
         life.wait_until(second)
         life.see("feedback")
@@ -426,25 +387,18 @@ def test_feedback_stalls() -> None:
 
 
 def test_a_goal_that_stalled_and_is_refused_its_cancel_is_waited_for_no_longer() -> None:
-    life = Life(feedback=1.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(1.0)
-    for _ in range(2):
-        life.tell("cancel_answered", CancelAnswer.REFUSED)
-        life.wait_until(life.now + DOUBT)
+    life = Life(feedback=1.0).after(*UNTIL_ACCEPTED, until=1.0)
+    refuse(life)
     life.wait_until(2.9)
     assert life.end is None
     life.wait_until(3.0)
     assert (life.end, life.report) == (End.STALLED, CancelReport.REFUSED)
-    assert life.ending is not None
-    assert life.ending.status is GoalState.TIMED_OUT
+    assert life.ended.status is GoalState.TIMED_OUT
 
 
 @pytest.mark.parametrize("lost", [("server_lost", "gone"), ("result", None, None)])
 def test_a_goal_that_stalled_and_is_lost_is_lost(lost: tuple[Any, ...]) -> None:
-    life = Life(feedback=1.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(1.0)
+    life = Life(feedback=1.0).after(*UNTIL_ACCEPTED, until=1.0)
     for _ in range(2):
         life.tell(*lost)
         life.wait_until(life.now + DOUBT)
@@ -455,8 +409,7 @@ def test_a_goal_that_stalled_and_is_lost_is_lost(lost: tuple[Any, ...]) -> None:
 
 
 def test_a_cancelled_goal_is_cancelled() -> None:
-    life = Life(feedback=2.0)
-    life.see(*UNTIL_ACCEPTED)
+    life = Life(feedback=2.0).after(*UNTIL_ACCEPTED)
     assert life.goal.cancelled_at == 0.0
     life.wait_until(1.5)
     assert AskCancel() in life.see("cancel")
@@ -475,8 +428,7 @@ def test_a_cancelled_goal_is_cancelled() -> None:
 
 
 def test_a_cancelled_goal_that_was_not_accepted_so_far_is_cancelled_on_acceptance() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT, "cancel")
+    life = Life().after(*UNTIL_SENT, "cancel")
     assert life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL) == []
     assert AskCancel() in life.see("accepted")
     life.tell("result", GoalState.CANCELED, None)
@@ -484,8 +436,7 @@ def test_a_cancelled_goal_that_was_not_accepted_so_far_is_cancelled_on_acceptanc
 
 
 def test_a_cancelled_goal_is_rejected() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT, "cancel", "rejected")
+    life = Life().after(*UNTIL_SENT, "cancel", "rejected")
     assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.NOT_NEEDED)
 
 
@@ -493,31 +444,27 @@ def test_a_cancelled_goal_is_rejected() -> None:
     ("status", "end"), [("SUCCEEDED", End.SUCCEEDED), ("ABORTED", End.ABORTED)]
 )
 def test_a_cancelled_goal_ends_in_another_way(status: str, end: End) -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life = Life().after(*UNTIL_ACCEPTED, "cancel")
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)  # accepted, and not heeded (R12)
     life.tell("result", GoalState(status), 1)
     assert (life.end, life.report) == (end, CancelReport.CONFIRMED)
 
 
 def test_an_unanswered_cancel_ends_in_time() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life = Life().after(*UNTIL_ACCEPTED, "cancel")
     assert life.all.count(AskCancel()) == 1  # who carries it out repeats it
     life.wait_until(1.9)
     assert life.end is None
     life.wait_until(2.0)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
-    assert life.ending is not None
-    assert life.ending.phase == "cancel"
+    assert life.ended.phase == "cancel"
 
 
 @pytest.mark.parametrize(("deadline", "end"), [(None, 6.0), (3.0, 5.0)])
 def test_the_grace_goes_on_while_other_cancellations_are_confirmed(
     deadline: float | None, end: float
 ) -> None:
-    life = Life(deadline)
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life = Life(deadline).after(*UNTIL_ACCEPTED, "cancel")
     life.others_confirmed_at = 1.0
     life.wait_until(2.9)
     life.others_confirmed_at = 2.9
@@ -530,8 +477,7 @@ def test_the_grace_goes_on_while_other_cancellations_are_confirmed(
 
 
 def test_a_goal_that_had_its_turn_does_not_wait_for_others() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT, "cancel")
+    life = Life().after(*UNTIL_SENT, "cancel")
     life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
     life.others_confirmed_at = 1e6
     life.wait_until(2.0)
@@ -539,8 +485,7 @@ def test_a_goal_that_had_its_turn_does_not_wait_for_others() -> None:
 
 
 def test_the_grace_has_an_end_though_others_are_confirmed_for_ever() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life = Life().after(*UNTIL_ACCEPTED, "cancel")
     life.others_confirmed_at = 1e6
     life.wait_until(1.9 + LONGEST_GRACE)
     assert life.end is None
@@ -549,24 +494,21 @@ def test_the_grace_has_an_end_though_others_are_confirmed_for_ever() -> None:
 
 
 def test_the_grace_after_a_deadline_is_never_longer() -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
+    life = Life(3.0).after(*UNTIL_ACCEPTED)
     life.others_confirmed_at = 4.9
     life.wait_until(5.0)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
 
 
 def test_a_cancelled_goal_whose_end_is_known_without_its_result() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life = Life().after(*UNTIL_ACCEPTED, "cancel")
     life.tell("status", GoalState.CANCELED)
     life.wait_until(2.0)
     assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.CONFIRMED)
 
 
 def test_a_refused_cancel_leaves_the_goal_to_its_caller() -> None:
-    life = Life(60.0)
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life = Life(60.0).after(*UNTIL_ACCEPTED, "cancel")
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.wait_until(DOUBT)
     effects = life.tell("cancel_answered", CancelAnswer.REFUSED)
@@ -592,11 +534,7 @@ def test_a_refused_cancel_leaves_the_goal_to_its_caller() -> None:
 def test_a_refusal_is_told_with_the_end_of_a_goal_that_ended_by_itself(
     event: tuple[Any, ...], end: End, report: CancelReport | None
 ) -> None:
-    life = Life(60.0)
-    life.see(*UNTIL_ACCEPTED, "cancel")
-    for _ in range(2):
-        life.tell("cancel_answered", CancelAnswer.REFUSED)
-        life.wait_until(life.now + DOUBT)
+    life = refused()
     for _ in range(2):  # what is unknown only counts when it is said again
         life.tell(*event)
         life.wait_until(life.now + DOUBT)
@@ -609,8 +547,7 @@ def test_a_goal_that_is_just_being_accepted_is_not_refused_its_cancel(
     until: tuple[str, ...], seen: tuple[str, ...]
 ) -> None:
     """rclpy's servers refuse in the same words while they accept a goal, and then run it (R12)."""
-    life = Life(60.0)
-    life.see(*until, "cancel")
+    life = Life(60.0).after(*until, "cancel")
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.tell("result", None, None)  # for the same moment they do not know it
     life.tell("cancel_answered", CancelAnswer.REFUSED)  # what was asked at once comes too early
@@ -624,9 +561,7 @@ def test_a_goal_that_is_just_being_accepted_is_not_refused_its_cancel(
 
 
 def test_a_refusal_is_asked_about_once_more_when_nobody_waits_any_more() -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_SENT)
-    life.wait_until(10.0)
+    life = Life(3.0).after(*UNTIL_SENT, until=10.0)
     assert life.end is End.DEADLINE
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.tell("cancel_answered", CancelAnswer.REFUSED)
@@ -640,9 +575,7 @@ def test_a_refusal_is_asked_about_once_more_when_nobody_waits_any_more() -> None
 
 def test_a_refusal_that_comes_just_before_the_end_of_the_wait_is_asked_about_once_more() -> None:
     """One refusal says little, also when it was all that there was time for (R12)."""
-    life = Life(3.0, cancel=0.1)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(3.0)
+    life = Life(3.0, cancel=0.1).after(*UNTIL_ACCEPTED, until=3.0)
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.wait_until(3.1)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.REFUSED)
@@ -653,8 +586,7 @@ def test_a_refusal_that_comes_just_before_the_end_of_the_wait_is_asked_about_onc
 
 def test_a_refusal_that_was_believed_for_want_of_time_is_asked_about_once_more() -> None:
     """The caller cancelled a goal that was just being accepted, and waits for less than that."""
-    life = Life(60.0, cancel=0.05)
-    life.see(*UNTIL_SENT, "cancel")
+    life = Life(60.0, cancel=0.05).after(*UNTIL_SENT, "cancel")
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     asked = life.all.count(AskCancel())
     life.wait_until(DOUBT)
@@ -666,8 +598,7 @@ def test_a_refusal_that_was_believed_for_want_of_time_is_asked_about_once_more()
 
 
 def test_a_server_that_accepts_after_the_refusal_of_another_one_is_asked_to_cancel() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=2)
+    goal = on_two()
     goal.give_up(CancelReason.CANCELLED, 1.0)
     goal.accepted(1.1)
     goal.cancel_answered(CancelAnswer.REFUSED, 1.2, asked_at=1.0)
@@ -677,16 +608,10 @@ def test_a_server_that_accepts_after_the_refusal_of_another_one_is_asked_to_canc
 
 
 def test_a_caller_who_cancels_again_after_a_refusal_asks_again() -> None:
-    life = Life(60.0)
-    life.see(*UNTIL_ACCEPTED, "cancel")
-    for _ in range(2):
-        life.tell("cancel_answered", CancelAnswer.REFUSED)
-        life.wait_until(life.now + DOUBT)
+    life = refused()
     assert life.goal.cancel_reason is None
     assert AskCancel() in life.see("cancel")
-    for _ in range(2):
-        life.tell("cancel_answered", CancelAnswer.REFUSED)
-        life.wait_until(life.now + DOUBT)
+    refuse(life)
     assert len(refusals(life.all)) == 2  # each cancel has its answer
     life.see("cancel")
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
@@ -695,11 +620,7 @@ def test_a_caller_who_cancels_again_after_a_refusal_asks_again() -> None:
 
 
 def test_a_refusal_that_was_told_of_is_not_told_of_again_as_the_client_closes() -> None:
-    life = Life(60.0)
-    life.see(*UNTIL_ACCEPTED, "cancel")
-    for _ in range(2):
-        life.tell("cancel_answered", CancelAnswer.REFUSED)
-        life.wait_until(life.now + DOUBT)
+    life = refused()
     life.tell("close", abandon=False)
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.wait_until(life.now + 2.0)
@@ -709,22 +630,14 @@ def test_a_refusal_that_was_told_of_is_not_told_of_again_as_the_client_closes() 
 
 @pytest.mark.parametrize("times", [1, 2])
 def test_the_feedback_of_a_goal_that_is_not_cancelled_may_stall_again(times: int) -> None:
-    life = Life(60.0, feedback=5.0)
-    life.see(*UNTIL_ACCEPTED, "cancel")
-    for _ in range(times):
-        life.tell("cancel_answered", CancelAnswer.REFUSED)
-        life.wait_until(life.now + DOUBT)
+    life = refused(times, feedback=5.0)
     life.wait_until(2.0)
     believed = 2.0 if times == 1 else DOUBT
     assert life.timers[Timer.STALL] == believed + 5.0
 
 
 def test_a_cancel_that_is_accepted_after_its_refusal_is_waited_for() -> None:
-    life = Life(60.0, feedback=5.0)
-    life.see(*UNTIL_ACCEPTED, "cancel")
-    for _ in range(2):
-        life.tell("cancel_answered", CancelAnswer.REFUSED)
-        life.wait_until(life.now + DOUBT)
+    life = refused(feedback=5.0)
     life.wait_until(4.0)
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
     goal_id = life.goal.facts.goal_id
@@ -737,11 +650,7 @@ def test_a_cancel_that_is_accepted_after_its_refusal_is_waited_for() -> None:
 
 def test_closing_waits_no_longer_when_the_cancel_is_accepted() -> None:
     """Of a goal whose cancel was refused when its caller asked for it."""
-    life = Life()
-    life.see(*UNTIL_ACCEPTED, "cancel")
-    for _ in range(2):
-        life.tell("cancel_answered", CancelAnswer.REFUSED)
-        life.wait_until(life.now + DOUBT)
+    life = refused(deadline=None)
     life.wait_until(10.0)
     life.tell("close", abandon=False)
     life.wait_until(11.0)
@@ -752,8 +661,7 @@ def test_closing_waits_no_longer_when_the_cancel_is_accepted() -> None:
 
 @pytest.mark.parametrize("final", ["cancel accepted", "ended", "not given up"])
 def test_a_refusal_that_cannot_matter_is_not_heeded(final: str) -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     if final != "not given up":
         life.see("cancel")
     if final == "cancel accepted":
@@ -766,8 +674,7 @@ def test_a_refusal_that_cannot_matter_is_not_heeded(final: str) -> None:
 
 def test_a_cancel_that_this_call_has_not_asked_for_limits_nothing() -> None:
     """An earlier call of the client had asked for it."""
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     effects = life.tell("cancel_answered", CancelAnswer.ACCEPTED)
     assert effects == [Record(GoalState.CANCELING)]
 
@@ -785,31 +692,20 @@ def test_a_refused_cancel_of_what_is_left_alone_is_asked_for_again(why: CancelRe
 
 # --- another call attaches to it ---------------------------------------------------------------
 
+ACCEPTED = Record(GoalState.ACCEPTED)
+SILENCE = [Arm(Timer.REASK, 4.0), Arm(Timer.STALL, 13.0)]
+
 
 @pytest.mark.parametrize(
     ("events", "effects"),
     [
         ([], [Arm(Timer.ACCEPT, 8.0), Arm(Timer.REASK, 4.0)]),
-        (
-            [("accepted",)],
-            [Record(GoalState.ACCEPTED), Arm(Timer.REASK, 4.0), Arm(Timer.STALL, 13.0)],
-        ),
-        (
-            [("accepted",), ("feedback",)],
-            [
-                Record(GoalState.ACCEPTED),
-                Record(GoalState.EXECUTING),
-                Arm(Timer.REASK, 4.0),
-                Arm(Timer.STALL, 13.0),
-            ],
-        ),
-        (
-            [("accepted",), ("server_lost", "gone"), ("server_back",)],
-            [Record(GoalState.ACCEPTED), Arm(Timer.REASK, 4.0), Arm(Timer.STALL, 13.0)],
-        ),
+        ([("accepted",)], [ACCEPTED, *SILENCE]),
+        ([("accepted",), ("feedback",)], [ACCEPTED, Record(GoalState.EXECUTING), *SILENCE]),
+        ([("accepted",), ("server_lost", "gone"), ("server_back",)], [ACCEPTED, *SILENCE]),
         (
             [("accepted",), ("cancel",), ("status", GoalState.CANCELED)],
-            [Record(GoalState.ACCEPTED), Arm(Timer.RESULT, 63.0), Arm(Timer.REASK, 4.0)],
+            [ACCEPTED, Arm(Timer.RESULT, 63.0), Arm(Timer.REASK, 4.0)],
         ),
     ],
     ids=["sent", "accepted", "executing", "lost and back", "ended"],
@@ -817,8 +713,7 @@ def test_a_refused_cancel_of_what_is_left_alone_is_asked_for_again(why: CancelRe
 def test_what_is_taken_over_is_followed_as_if_it_began_now(
     events: list[tuple[str, ...]], effects: list[Effect]
 ) -> None:
-    life = Life(result=60.0, feedback=10.0)
-    life.see("sent")
+    life = Life(result=60.0, feedback=10.0).after("sent")
     for event in events:
         life.tell(*event)
     life.see("cancel")
@@ -836,8 +731,7 @@ def test_what_is_taken_over_is_followed_as_if_it_began_now(
 @pytest.mark.parametrize("cancelled", [False, True])
 @pytest.mark.parametrize("taken_over", [False, True])
 def test_what_an_earlier_call_had_cancelled_says_so(cancelled: bool, taken_over: bool) -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     if taken_over:
         life.see("cancel")
         if cancelled:
@@ -848,21 +742,34 @@ def test_what_an_earlier_call_had_cancelled_says_so(cancelled: bool, taken_over:
         life.tell("status", GoalState.CANCELING)
     life.tell("result", GoalState.CANCELED, None)
     why = "an earlier call of this client had cancelled it" if cancelled and taken_over else ""
-    assert life.ending is not None
-    assert (life.end, life.ending.lost_because) == (End.CANCELED_BY_OTHER, why)
+    assert (life.end, life.ended.lost_because) == (End.CANCELED_BY_OTHER, why)
+
+
+def taken_over(
+    why: CancelReason,
+    *,
+    servers: int = 1,
+    accepted: int = 1,
+    cancelled: bool = False,
+    left_alone: bool = True,
+    **timeouts: float,
+) -> tuple[Goal, list[Effect]]:
+    """Return a goal that one call has given up and another attaches to, and what that asks for."""
+    goal = sent_to(servers, accepted=accepted, at=0.1)
+    goal.give_up(why, 0.5)
+    if cancelled:
+        goal.cancel_answered(CancelAnswer.ACCEPTED, 0.6, asked_at=0.5)
+    goal.timer(Timer.CANCEL, 3.0)
+    now = Timeouts(**timeouts)
+    return goal, goal.attached_again(now, 4.0, servers, left_alone=left_alone)
 
 
 def test_what_an_earlier_call_had_cancelled_may_run_on_another_server() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=2)
-    goal.accepted(0.1)
-    goal.accepted(0.1)
-    goal.give_up(CancelReason.CANCELLED, 0.5)
-    goal.cancel_answered(CancelAnswer.ACCEPTED, 0.6, asked_at=0.5)
-    goal.timer(Timer.CANCEL, 3.0)
-    goal.attached_again(Timeouts(), 4.0, 2, left_alone=False)
+    goal, _ = taken_over(
+        CancelReason.CANCELLED, servers=2, accepted=2, cancelled=True, left_alone=False
+    )
     effects = goal.result(GoalState.CANCELED, None, 5.0, asked_at=4.0, everybody=False)
-    (ending,) = (each.ending for each in effects if isinstance(each, Settle))
+    (ending,) = endings(effects)
     why = "an earlier call of this client had cancelled it"
     assert (ending.end, ending.lost_because) == (End.CANCELED_BY_OTHER, why)
     assert AskCancel() in effects
@@ -876,7 +783,7 @@ def test_what_others_have_cancelled_before_this_call_could_says_nothing_of_earli
     goal.give_up(CancelReason.STALLED, 0.5)
     goal.cancel_answered(CancelAnswer.ACCEPTED, 0.6, asked_at=0.5)
     effects = goal.result(GoalState.CANCELED, None, 1.0, asked_at=0.1, ours=False)
-    (ending,) = (each.ending for each in effects if isinstance(each, Settle))
+    (ending,) = endings(effects)
     assert (ending.end, ending.lost_because) == (End.CANCELED_BY_OTHER, "")
 
 
@@ -885,33 +792,16 @@ def test_what_others_have_cancelled_before_this_call_could_says_nothing_of_earli
     [(GoalState.CANCELED, End.CANCELLED_BY_CALLER), (GoalState.SUCCEEDED, End.SUCCEEDED)],
 )
 def test_what_is_taken_over_and_cancelled_again_ends_by_that(status: GoalState, end: End) -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED, "cancel")
-    life.wait_until(3.0)
+    life = Life().after(*UNTIL_ACCEPTED, "cancel", until=3.0)
     life.attach_again()
     life.see("cancel")
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
     life.tell("result", status, 1)
-    assert life.ending is not None
-    assert (life.end, life.ending.lost_because) == (end, "")
-
-
-def test_what_is_taken_over_only_to_follow_it_is_left_at_the_deadline() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0)
-    goal.accepted(0.1)
-    goal.give_up(CancelReason.CANCELLED, 0.5)
-    goal.timer(Timer.CANCEL, 3.0)
-    goal.attached_again(Timeouts(), 4.0, 1, left_alone=True)
-    effects = goal.give_up(CancelReason.DEADLINE, 5.0)
-    assert AskCancel() not in effects
-    assert effects[-1] == Release()
+    assert (life.end, life.ended.lost_because) == (end, "")
 
 
 def test_what_is_taken_over_is_asked_no_more_to_cancel() -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(9.0)
+    life = Life(3.0).after(*UNTIL_ACCEPTED, until=9.0)
     assert life.end is End.DEADLINE
     life.attach_again()
     assert StopCancel() in life.all
@@ -926,9 +816,7 @@ def test_what_is_taken_over_is_asked_no_more_to_cancel() -> None:
 def test_what_was_not_accepted_yet_and_is_taken_over_is_cancelled_again_if_that_is_given_up() -> (
     None
 ):
-    life = Life(3.0)
-    life.see(*UNTIL_SENT)
-    life.wait_until(9.0)
+    life = Life(3.0).after(*UNTIL_SENT, until=9.0)
     life.attach_again()
     life.wait_until(life.now + 5.0)
     assert life.all[-5:].count(AskCancel()) == 1  # not accepted in time: the new call ends, too
@@ -938,54 +826,36 @@ def test_what_was_not_accepted_yet_and_is_taken_over_is_cancelled_again_if_that_
 
 
 def test_what_was_not_accepted_yet_and_is_taken_over_is_not_left_to_run() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts(accept=1.0))
-    goal.sent(0.0)
-    goal.give_up(CancelReason.DEADLINE, 0.5)
-    goal.timer(Timer.CANCEL, 3.0)
-    goal.attached_again(Timeouts(accept=1.0), 4.0, 1, left_alone=True)
+    goal, _ = taken_over(CancelReason.DEADLINE, accepted=0, accept=1.0)
     effects = goal.timer(Timer.ACCEPT, 5.0)
     assert AskCancel() in effects
     assert Release() not in effects
 
 
-def test_what_was_accepted_and_is_taken_over_is_left_to_run() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0)
-    goal.accepted(0.1)
-    goal.give_up(CancelReason.DEADLINE, 0.5)
-    goal.timer(Timer.CANCEL, 3.0)
-    goal.attached_again(Timeouts(), 4.0, 1, left_alone=True)
+@pytest.mark.parametrize("why", [CancelReason.CANCELLED, CancelReason.DEADLINE])
+def test_what_was_accepted_and_is_taken_over_is_left_to_run(why: CancelReason) -> None:
+    """A call that only follows it leaves it at its deadline."""
+    goal, _ = taken_over(why)
     effects = goal.give_up(CancelReason.DEADLINE, 5.0)
     assert AskCancel() not in effects
-    assert Release() in effects
+    assert effects[-1] == Release()
 
 
 def test_the_silence_of_what_is_taken_over_while_it_is_cancelled_is_no_stall() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0)
-    goal.accepted(0.1)
-    goal.give_up(CancelReason.DEADLINE, 0.5)
-    goal.cancel_answered(CancelAnswer.ACCEPTED, 0.6, asked_at=0.5)
-    goal.timer(Timer.CANCEL, 3.0)
-    effects = goal.attached_again(Timeouts(feedback=1.0), 4.0, 1, left_alone=True)
+    _, effects = taken_over(CancelReason.DEADLINE, cancelled=True, feedback=1.0)
     assert not any(isinstance(each, Arm) and each.timer is Timer.STALL for each in effects)
 
 
 def test_what_is_lost_is_not_taken_over_and_is_cancelled_when_its_server_is_back() -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
+    life = Life(3.0).after(*UNTIL_ACCEPTED)
     life.tell("server_lost", "gone")
     life.attach_again()
-    assert life.ending is not None
-    assert (life.end, life.ending.lost_because) == (End.LOST, "its action server is gone")
+    assert (life.end, life.ended.lost_because) == (End.LOST, "its action server is gone")
     assert AskCancel() in life.see("server_back")
 
 
 def test_what_runs_on_another_server_is_not_taken_over_and_is_cancelled_there() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=2)
-    goal.accepted(0.1)
-    goal.accepted(0.1)
+    goal = on_two(accepted=2, at=0.1)
     goal.result(GoalState.ABORTED, None, 1.0, asked_at=0.2, everybody=False)
     assert goal.stage is Stage.ELSEWHERE
     (settled,) = goal.attached_again(Timeouts(), 2.0, 2, left_alone=True)
@@ -997,8 +867,7 @@ def test_what_runs_on_another_server_is_not_taken_over_and_is_cancelled_there() 
 
 
 def test_a_refusal_that_nothing_contradicts_counts_when_the_grace_ends() -> None:
-    life = Life(60.0)
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life = Life(60.0).after(*UNTIL_ACCEPTED, "cancel")
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.wait_until(50.0)
     assert life.end is None
@@ -1006,8 +875,7 @@ def test_a_refusal_that_nothing_contradicts_counts_when_the_grace_ends() -> None
 
 
 def test_a_refusal_while_another_client_cancels_is_told_of() -> None:
-    life = Life(60.0)
-    life.see(*UNTIL_ACCEPTED)
+    life = Life(60.0).after(*UNTIL_ACCEPTED)
     life.tell("status", GoalState.CANCELING)
     life.see("cancel")
     life.tell("cancel_answered", CancelAnswer.REFUSED)
@@ -1017,8 +885,7 @@ def test_a_refusal_while_another_client_cancels_is_told_of() -> None:
 
 
 def test_terminated_confirms_nothing_and_the_result_is_asked_for() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life = Life().after(*UNTIL_ACCEPTED, "cancel")
     # What rclpy also answers for a goal that is being cancelled already.
     assert AskResult() in life.tell("cancel_answered", CancelAnswer.TERMINATED)
     assert life.end is None
@@ -1026,23 +893,18 @@ def test_terminated_confirms_nothing_and_the_result_is_asked_for() -> None:
 
 def test_an_end_that_was_told_before_the_acceptance_asks_for_no_second_result() -> None:
     """micro-ROS' server never frees a goal whose result is asked for again as it ends."""
-    life = Life()
-    life.see("sent", "cancel")
-    life.wait_until(0.125)
+    life = Life().after("sent", "cancel", until=0.125)
     assert AskResult(anew=True) in life.tell("accepted")
     assert life.tell("cancel_answered", CancelAnswer.TERMINATED, asked_at=0.0) == []
 
-    life = Life()
-    life.see("sent", "cancel")
-    life.wait_until(0.125)
+    life = Life().after("sent", "cancel", until=0.125)
     effects = life.tell("cancel_answered", CancelAnswer.TERMINATED, asked_at=0.0)
     assert AskResult(anew=True) in effects
     assert AskResult() not in effects
 
 
 def test_a_goal_unknown_to_a_cancel_is_asked_for_its_result() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life = Life().after(*UNTIL_ACCEPTED, "cancel")
     assert AskResult() in life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
     life.tell("result", None, None)
     life.wait_until(DOUBT)
@@ -1052,22 +914,18 @@ def test_a_goal_unknown_to_a_cancel_is_asked_for_its_result() -> None:
 
 def test_a_goal_unknown_to_two_cancels_has_ended() -> None:
     """micro-ROS' server answers no request for the result of a goal that has ended."""
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(3.0)
+    life = Life(3.0).after(*UNTIL_ACCEPTED, until=3.0)
     life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
     life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)  # asked in the same moment
     assert life.end is None
     life.wait_until(3.0 + DOUBT)
     life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
-    assert life.ending is not None
-    assert (life.end, life.ending.news) == (End.DEADLINE, LastNews.STOPPED)
+    assert (life.end, life.ended.news) == (End.DEADLINE, LastNews.STOPPED)
     assert life.report is CancelReport.NOT_NEEDED
 
 
 def test_that_a_goal_was_unknown_before_it_was_accepted_does_not_count() -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
+    life = Life(3.0).after(*UNTIL_ACCEPTED)
     assert life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL, asked_at=-0.1) == []
     life.wait_until(3.0)
     life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
@@ -1075,24 +933,19 @@ def test_that_a_goal_was_unknown_before_it_was_accepted_does_not_count() -> None
 
 
 def test_a_success_that_was_shown_is_waited_for_though_its_goal_is_forgotten() -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(3.0)
+    life = Life(3.0).after(*UNTIL_ACCEPTED, until=3.0)
     life.tell("status", GoalState.SUCCEEDED)
     for _ in range(3):
         life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
         life.wait_until(life.now + DOUBT)
     assert life.end is None
     life.tell("result", GoalState.SUCCEEDED, "result")
-    assert life.ending is not None
-    assert (life.end, life.ending.result) == (End.DEADLINE, "result")
+    assert (life.end, life.ended.result) == (End.DEADLINE, "result")
 
 
 @pytest.mark.parametrize("answer", ["cancel", "result"])
 def test_what_another_server_does_not_know_may_run_on_its_own(answer: str) -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(3.0)
+    life = Life(3.0).after(*UNTIL_ACCEPTED, until=3.0)
     for _ in range(3):
         life.wait_until(life.now + DOUBT)
         if answer == "cancel":
@@ -1105,9 +958,7 @@ def test_what_another_server_does_not_know_may_run_on_its_own(answer: str) -> No
 
 def test_what_one_of_two_servers_has_forgotten_is_cancelled_on_the_other() -> None:
     """That one has not answered yet whether it accepts the goal."""
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=2)
-    goal.accepted(0.1)
+    goal = on_two(accepted=1, at=0.1)
     goal.give_up(CancelReason.CANCELLED, 1.0)
     goal.result(None, None, 2.0, asked_at=1.9)
     effects = goal.result(None, None, 3.0, asked_at=2.9)
@@ -1126,21 +977,17 @@ def test_what_one_of_two_servers_has_forgotten_is_cancelled_on_the_other() -> No
 
 
 def test_what_a_server_has_forgotten_is_over_though_its_acceptance_was_lost() -> None:
-    life = Life(3.0)
-    life.see("sent", "feedback")
-    life.wait_until(3.0)
+    life = Life(3.0).after("sent", "feedback", until=3.0)
     life.tell("result", None, None)
     life.wait_until(3.0 + DOUBT)
     life.tell("result", None, None)
-    assert life.ending is not None
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.NOT_NEEDED)
-    assert life.ending.lost_because == ""
+    assert life.ended.lost_because == ""
     assert life.goal.facts.fate is GoalFate.ENDED
 
 
 def test_a_cancel_is_answered_by_the_loss_of_the_server() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life = Life().after(*UNTIL_ACCEPTED, "cancel")
     life.tell("server_lost", "gone")
     assert (life.end, life.report) == (End.LOST, CancelReport.UNKNOWN)
 
@@ -1149,8 +996,7 @@ def test_a_cancel_is_answered_by_the_loss_of_the_server() -> None:
 
 
 def test_closing_cancels() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     assert AskCancel() in life.tell("close", abandon=False)
     life.tell("result", GoalState.CANCELED, None)
     assert (life.end, life.report) == (End.CLOSED, CancelReport.CONFIRMED)
@@ -1158,8 +1004,7 @@ def test_closing_cancels() -> None:
 
 
 def test_closing_is_refused() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     life.tell("close", abandon=False)
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.wait_until(2.0)
@@ -1169,8 +1014,7 @@ def test_closing_is_refused() -> None:
 
 @pytest.mark.parametrize("abandon", [False, True])
 def test_closing_while_the_callers_own_cancel_is_refused(abandon: bool) -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     life.tell("cancel")
     life.tell("close", abandon=abandon)
     life.tell("cancel_answered", CancelAnswer.REFUSED)
@@ -1203,9 +1047,7 @@ def test_what_is_only_followed_is_left_at_the_deadline(accepted: bool) -> None:
 
 @pytest.mark.parametrize("situation", ["sent", "accepted", "lost", "ended", "over"])
 def test_who_has_left_asks_once_more_where_that_may_help(situation: str) -> None:
-    life = Life(3.0)
-    life.see(*(UNTIL_SENT if situation == "sent" else UNTIL_ACCEPTED))
-    life.wait_until(5.0)
+    life = Life(3.0).after(*(UNTIL_SENT if situation == "sent" else UNTIL_ACCEPTED), until=5.0)
     assert life.end is End.DEADLINE
     if situation == "lost":
         life.tell("server_lost", "gone")
@@ -1221,8 +1063,7 @@ def test_who_has_left_asks_once_more_where_that_may_help(situation: str) -> None
 
 @pytest.mark.parametrize("events", [UNTIL_SENT, UNTIL_ACCEPTED])
 def test_closing_abandons(events: tuple[str, ...]) -> None:
-    life = Life()
-    life.see(*events)
+    life = Life().after(*events)
     life.tell("close", abandon=True)
     assert (life.end, life.report) == (End.CLOSED, CancelReport.UNKNOWN)
     assert life.count(AskCancel) == 0

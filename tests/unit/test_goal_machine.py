@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
-from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
+from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life, endings, on_two, sent_to
 
 from actionkit._goal.effects import (
     Arm,
@@ -35,10 +36,6 @@ from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalState
 
 ONE_IS_GONE = "one of its action servers is gone, and the others do not have it"
-
-
-def endings(effects: list[Effect]) -> list[Ending]:
-    return [each.ending for each in effects if isinstance(each, Settle)]
 
 
 # --- what a server does of its own -------------------------------------------------------------
@@ -75,23 +72,20 @@ def test_a_goal_succeeds() -> None:
 
 
 def test_a_goal_is_rejected() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT, "rejected")
+    life = Life().after(*UNTIL_SENT, "rejected")
     assert life.ending == Ending(End.REJECTED, GoalState.REJECTED, rejected=True)
     assert life.count(Release) == 1
     assert life.count(AskResult) == 0  # it would be answered with an empty result (R13)
 
 
 def test_a_goal_is_aborted() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     life.tell("result", GoalState.ABORTED, "why")
-    assert (life.end, life.ending.result) == (End.ABORTED, "why")  # type: ignore[union-attr]
+    assert (life.end, life.ended.result) == (End.ABORTED, "why")
 
 
 def test_somebody_else_cancels() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     life.tell("status", GoalState.CANCELING)
     life.tell("result", GoalState.CANCELED, "so far")
     assert (life.end, life.report) == (End.CANCELED_BY_OTHER, None)
@@ -100,8 +94,7 @@ def test_somebody_else_cancels() -> None:
 
 def test_silence_is_no_stall_while_somebody_else_cancels() -> None:
     """A server may send no feedback while it cancels a goal; the caller does not give up on it."""
-    life = Life(feedback=1.0)
-    life.see(*UNTIL_ACCEPTED, "feedback")
+    life = Life(feedback=1.0).after(*UNTIL_ACCEPTED, "feedback")
     life.tell("status", GoalState.CANCELING)
     life.see("feedback")
     assert Timer.STALL not in life.timers
@@ -113,8 +106,7 @@ def test_silence_is_no_stall_while_somebody_else_cancels() -> None:
 
 
 def test_the_first_news_of_a_goal_may_be_that_somebody_else_cancels_it() -> None:
-    life = Life(feedback=1.0)
-    life.see("sent")
+    life = Life(feedback=1.0).after("sent")
     life.tell("status", GoalState.CANCELING)
     assert life.goal.facts.others_cancel
     assert Timer.STALL not in life.timers
@@ -127,16 +119,14 @@ def test_the_status_of_what_may_be_sent_again_is_read_from_the_beginning() -> No
 
 
 def test_what_this_side_has_asked_for_was_not_cancelled_by_others() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life = Life().after(*UNTIL_ACCEPTED, "cancel")
     life.tell("status", GoalState.CANCELING)
     assert not life.goal.facts.others_cancel
 
 
 @pytest.mark.parametrize("proof", ["feedback", "status", "result", "cancel answer"])
 def test_acceptance_is_proven_by_whatever_only_an_accepted_goal_causes(proof: str) -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
+    life = Life().after(*UNTIL_SENT)
     if proof == "feedback":
         life.see("feedback")  # it may overtake the acknowledgement (R15)
     elif proof == "status":
@@ -152,8 +142,7 @@ def test_acceptance_is_proven_by_whatever_only_an_accepted_goal_causes(proof: st
 
 
 def test_the_end_may_be_the_first_that_is_heard_of_a_goal() -> None:
-    life = Life(feedback=5.0, result=60.0)
-    life.see("sent")
+    life = Life(feedback=5.0, result=60.0).after("sent")
     assert life.tell("status", GoalState.SUCCEEDED) == [
         Disarm(Timer.ACCEPT),
         Record(GoalState.ACCEPTED),
@@ -181,11 +170,9 @@ def test_what_is_told_twice_counts_once(repeated: str) -> None:
 
 
 def test_duplicates_of_everything_else() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT, "rejected")
+    life = Life().after(*UNTIL_SENT, "rejected")
     assert life.see("rejected") == []
-    life = Life()
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life = Life().after(*UNTIL_ACCEPTED, "cancel")
     assert life.see("cancel") == []
     assert life.tell("close", abandon=False) == []
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
@@ -193,20 +180,17 @@ def test_duplicates_of_everything_else() -> None:
     assert life.states.count(GoalState.CANCELING) == 1
     life.tell("status", GoalState.CANCELED)
     assert life.tell("status", GoalState.CANCELED) == []
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     life.tell("server_lost", "gone")
     assert life.tell("server_lost", "gone") == []
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     assert life.see("rejected") == []
     life.goal.servers_changed(2, 0)
     assert life.goal.facts.undecided  # that was no answer of the second server
 
 
 def test_states_never_go_back() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     forth = [GoalState.ACCEPTED, GoalState.EXECUTING, GoalState.CANCELING]
     for state in (*forth, *reversed(forth)):
         life.tell("status", state)
@@ -215,8 +199,7 @@ def test_states_never_go_back() -> None:
 
 
 def test_a_second_acceptance_after_the_end_is_cancelled() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT, "rejected")
+    life = Life().after(*UNTIL_SENT, "rejected")
     assert life.see("accepted") == [AskCancel()]  # by another server on the name (R14)
 
 
@@ -227,8 +210,7 @@ def test_a_second_acceptance_after_the_end_is_cancelled() -> None:
 def test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled(
     phase: tuple[str, ...],
 ) -> None:
-    life = Life()
-    life.see(*phase)
+    life = Life().after(*phase)
     ending = Ending(
         End.LOST,
         GoalState.LOST,
@@ -249,26 +231,19 @@ def test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled(
     assert life.count(Release) == 1
 
 
-def test_a_lost_goal_is_over_when_its_rejection_comes() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
+@pytest.mark.parametrize(
+    ("phase", "event", "late"),
+    [
+        (UNTIL_SENT, ("rejected",), (GoalState.REJECTED, None)),
+        (UNTIL_ACCEPTED, ("result", GoalState.SUCCEEDED, 1), (GoalState.SUCCEEDED, 1)),
+    ],
+)
+def test_a_lost_goal_is_over_when_its_end_comes(
+    phase: tuple[str, ...], event: tuple[Any, ...], late: tuple[Any, ...]
+) -> None:
+    life = Life().after(*phase)
     life.tell("server_lost", "gone")
-    assert life.see("rejected") == [
-        Record(GoalState.REJECTED),
-        LateResult(GoalState.REJECTED, None),
-        Release(),
-    ]
-
-
-def test_the_result_of_a_lost_goal_ends_it() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
-    life.tell("server_lost", "gone")
-    assert life.tell("result", GoalState.SUCCEEDED, 1) == [
-        Record(GoalState.SUCCEEDED),
-        LateResult(GoalState.SUCCEEDED, 1),
-        Release(),
-    ]
+    assert life.tell(*event) == [Record(late[0]), LateResult(*late), Release()]
 
 
 def test_a_server_that_comes_is_asked_for_the_result_of_a_goal_that_was_accepted() -> None:
@@ -280,8 +255,7 @@ def test_a_server_that_comes_is_asked_for_the_result_of_a_goal_that_was_accepted
 
 
 def test_the_state_of_a_lost_goal_is_shown_when_it_is_back() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     life.tell("server_lost", "gone")
     life.see("server_back")
     assert life.goal.facts.lost is False
@@ -290,8 +264,7 @@ def test_the_state_of_a_lost_goal_is_shown_when_it_is_back() -> None:
 
 
 def test_a_lost_goal_that_was_back_may_be_lost_again() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     life.tell("server_lost", "gone")
     life.see("server_back")
     life.tell("server_lost", "gone")
@@ -299,8 +272,7 @@ def test_a_lost_goal_that_was_back_may_be_lost_again() -> None:
 
 
 def test_a_server_may_go_away_before_it_has_sent_the_result() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     life.tell("status", GoalState.SUCCEEDED)
     assert life.tell("server_lost", "gone")[0] == Record(GoalState.LOST, "the result cannot be had")
     assert life.ending == Ending(
@@ -324,15 +296,13 @@ def test_a_server_may_go_away_before_it_has_sent_the_result() -> None:
 def test_a_timer_that_has_nothing_to_limit_changes_nothing(
     timer: Timer, events: tuple[str, ...]
 ) -> None:
-    life = Life()
-    life.see(*events)
+    life = Life().after(*events)
     assert life.tell("timer", timer) == []
 
 
 def test_another_server_says_nothing_of_a_goal() -> None:
     """Only the one that it was sent to may have it (C5.7)."""
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     for _ in range(2):
         assert life.tell("result", None, None, own=False) == []
         life.wait_until(life.now + DOUBT)
@@ -348,8 +318,7 @@ def test_another_server_says_nothing_of_a_goal() -> None:
 def test_a_lost_goal_is_forgotten_when_its_own_server_does_not_know_it(
     answer: str, back: bool
 ) -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     life.tell("server_lost", "gone")
     life.see("server_back" if back else "server_ready")
     if answer == "cancel":
@@ -364,8 +333,7 @@ def test_a_lost_goal_is_forgotten_when_its_own_server_does_not_know_it(
 
 @pytest.mark.parametrize("answer", ["cancel", "result"])
 def test_a_lost_goal_may_be_taken_yet_by_its_own_server(answer: str) -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
+    life = Life().after(*UNTIL_SENT)
     life.tell("server_lost", "answered nothing for a while")
     assert life.see("server_back")[:2] == [AskCancel(), AskResult()]
     if answer == "cancel":
@@ -380,8 +348,7 @@ def test_a_lost_goal_may_be_taken_yet_by_its_own_server(answer: str) -> None:
 
 
 def test_a_goal_that_its_own_server_had_and_knows_no_more_is_over() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     life.tell("server_lost", "answered nothing for a while")
     life.see("server_back")
     life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
@@ -389,8 +356,7 @@ def test_a_goal_that_its_own_server_had_and_knows_no_more_is_over() -> None:
 
 
 def test_a_broken_client_ends_the_call() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     effects = life.tell("fail", "the thread died", error := RuntimeError("x"))
     ending = Ending(End.LOST, GoalState.LOST, news=LastNews.NOTHING, error=error)
     assert effects == [Record(GoalState.LOST, "the thread died"), Settle(ending), Release()]
@@ -402,8 +368,7 @@ def test_a_broken_client_ends_the_call() -> None:
 
 
 def test_what_may_be_lost_is_asked_for_again_ever_more_rarely() -> None:
-    life = Life(accept=None)
-    life.see(*UNTIL_SENT)
+    life = Life(accept=None).after(*UNTIL_SENT)
     asked = []
     for second in range(100):
         before = life.count(AskResult)
@@ -415,16 +380,13 @@ def test_what_may_be_lost_is_asked_for_again_ever_more_rarely() -> None:
 
 
 def test_a_goal_that_merely_takes_long_is_hardly_asked_about() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(100.0)
+    life = Life().after(*UNTIL_ACCEPTED, until=100.0)
     assert life.count(AskResult) == 1 + 4
     assert life.count(AskCancel) == 0
 
 
 def test_a_result_that_does_not_follow_its_status_is_asked_for_and_lost_in_the_end() -> None:
-    life = Life(result=60.0)
-    life.see(*UNTIL_ACCEPTED)
+    life = Life(result=60.0).after(*UNTIL_ACCEPTED)
     life.tell("status", GoalState.SUCCEEDED)
     life.wait_until(0.5)
     assert life.all[-2:] == [AskResult(), Arm(Timer.REASK, 1.5)]
@@ -432,15 +394,12 @@ def test_a_result_that_does_not_follow_its_status_is_asked_for_and_lost_in_the_e
     assert life.ending is None
     assert life.all.count(AskResult()) > 59.9 / LONGEST_RESULT_PAUSE
     life.wait_until(60.0)
-    assert life.ending is not None
-    assert (life.end, life.ending.ended_as) == (End.RESULT_LOST, GoalState.SUCCEEDED)
-    assert "within 60 s" in life.ending.lost_because
+    assert (life.end, life.ended.ended_as) == (End.RESULT_LOST, GoalState.SUCCEEDED)
+    assert "within 60 s" in life.ended.lost_because
 
 
 def test_nobody_asks_for_ever_for_the_result_of_a_goal_whose_caller_is_gone() -> None:
-    life = Life(3.0)
-    life.see(*UNTIL_ACCEPTED)
-    life.wait_until(3.0)
+    life = Life(3.0).after(*UNTIL_ACCEPTED, until=3.0)
     life.tell("status", GoalState.SUCCEEDED)
     life.wait_until(5.0)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.CONFIRMED)
@@ -450,8 +409,7 @@ def test_nobody_asks_for_ever_for_the_result_of_a_goal_whose_caller_is_gone() ->
 
 
 def test_a_result_that_follows_its_status_late_is_taken() -> None:
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     assert life.goal.awaits_result_of is None
     life.tell("status", GoalState.SUCCEEDED)
     assert life.goal.awaits_result_of is GoalState.SUCCEEDED
@@ -463,8 +421,7 @@ def test_a_result_that_follows_its_status_late_is_taken() -> None:
 
 def test_a_result_that_is_unknown_after_acceptance_is_lost() -> None:
     """It is asked for once more: a server that is just accepting the goal says so, too (R12)."""
-    life = Life()
-    life.see(*UNTIL_ACCEPTED)
+    life = Life().after(*UNTIL_ACCEPTED)
     asked = life.all.count(AskResult())
     life.tell("result", None, None)
     life.tell("result", None, None)  # to what was asked before
@@ -473,14 +430,12 @@ def test_a_result_that_is_unknown_after_acceptance_is_lost() -> None:
     assert life.all.count(AskResult()) == asked + 1
     effects = life.tell("result", None, None)
     assert effects[0] == Record(GoalState.LOST, "the result cannot be had")
-    assert life.ending is not None
-    assert life.ending.lost_because == "its server no longer knows the goal"
-    assert (life.end, life.ending.ended_as) == (End.RESULT_LOST, None)  # type: ignore[union-attr]
+    assert life.ended.lost_because == "its server no longer knows the goal"
+    assert (life.end, life.ended.ended_as) == (End.RESULT_LOST, None)
 
 
 def test_a_result_that_is_unknown_before_acceptance_says_nothing() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
+    life = Life().after(*UNTIL_SENT)
     assert life.tell("result", None, None) == []  # (R6)
     life.see("accepted")
     life.tell("result", GoalState.SUCCEEDED, 1)
@@ -491,8 +446,7 @@ def test_a_result_that_is_unknown_before_acceptance_says_nothing() -> None:
 
 
 def test_a_goal_not_known_so_far_was_not_rejected() -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
+    life = Life().after(*UNTIL_SENT)
     life.tell("result", None, None)  # asked before the server took it (R6)
     assert life.end is None
     life.see("accepted")
@@ -570,15 +524,6 @@ def test_what_somebody_else_has_sent_to_the_only_server_ends_with_its_answer() -
 # --- several servers on one name ---------------------------------------------------------------
 
 
-def on_two(*, accepted: int = 0) -> Goal:
-    """Return a goal that two servers may have got, and so many have accepted."""
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=2)
-    for _ in range(accepted):
-        goal.accepted(0.0)
-    return goal
-
-
 @pytest.mark.parametrize("wanted", [True, False])
 def test_a_goal_that_two_servers_accept_is_cancelled_only_if_nobody_wants_it(wanted: bool) -> None:
     goal = on_two(accepted=1)
@@ -619,9 +564,7 @@ def test_both_of_two_servers_that_were_lost_may_reject_it() -> None:
 
 def test_a_rejection_is_the_answer_of_a_server_that_does_not_run_it() -> None:
     """Two of three reject what the first one runs; so its end is the end of the goal."""
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=3)
-    goal.accepted(0.0)
+    goal = sent_to(3, accepted=1)
     assert goal.rejected(0.0) == []
     assert goal.rejected(0.0) == []
     goal.give_up(CancelReason.CANCELLED, 1.0)
@@ -631,20 +574,14 @@ def test_a_rejection_is_the_answer_of_a_server_that_does_not_run_it() -> None:
 
 
 def test_a_rejection_does_not_end_what_another_server_runs() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=3)
-    goal.accepted(0.0)
-    goal.accepted(0.0)
+    goal = sent_to(3, accepted=2)
     goal.result(GoalState.ABORTED, None, 1.0, asked_at=0.0, everybody=False)
     assert goal.rejected(1.0) == []
     assert goal.facts.known_to_run
 
 
 def test_what_a_third_server_accepts_after_two_have_ended_it_is_cancelled() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=3)
-    goal.accepted(0.0)
-    goal.accepted(0.0)
+    goal = sent_to(3, accepted=2)
     goal.result(GoalState.ABORTED, None, 1.0, asked_at=0.0, everybody=False)
     effects = goal.result(GoalState.ABORTED, 2, 1.0, asked_at=0.0, everybody=False, ends=2)
     assert effects == [LateResult(GoalState.ABORTED, 2), Release()]
@@ -687,16 +624,6 @@ def test_of_two_results_of_what_was_cancelled_a_success_counts_and_else_the_firs
         end,
         GoalState.SUCCEEDED if end is End.SUCCEEDED else first,
     )
-
-
-def test_a_success_on_one_of_two_servers_is_not_lost_while_the_other_does_not_stop() -> None:
-    goal = on_two(accepted=2)
-    goal.give_up(CancelReason.CANCELLED, 1.0)
-    goal.result(GoalState.SUCCEEDED, 1, 2.0, asked_at=0.0, everybody=False)
-    (ending,) = endings(goal.timer(Timer.CANCEL, 3.0))
-    assert (ending.end, ending.result) == (End.SUCCEEDED, 1)
-    assert ending.news is LastNews.NOTHING
-    assert AskCancel() in goal.timer(Timer.REASK, 4.0)
 
 
 def test_the_result_of_the_second_server_is_told_of_when_the_first_has_ended_the_call() -> None:
@@ -801,9 +728,7 @@ def test_what_runs_on_a_server_that_has_left_is_lost_with_it_when_the_other_deni
 
 @pytest.mark.parametrize("how", ["the other denies it", "lost", "result not sent"])
 def test_an_end_that_was_shown_before_the_second_server_came_goes_with_the_first(how: str) -> None:
-    goal = Goal(uuid.uuid4(), Timeouts(accept=5.0))
-    goal.sent(0.0)
-    goal.accepted(0.0)
+    goal = sent_to(1, accepted=1, accept=5.0)
     goal.give_up(CancelReason.CANCELLED, 0.0)
     goal.status(GoalState.SUCCEEDED, 0.0)
     goal.servers_changed(2, 0)
@@ -894,9 +819,7 @@ def test_at_least_the_servers_that_have_accepted_it_may_run_it(
 
 
 def test_what_one_of_two_servers_has_ended_is_not_asked_for_by_each_answer_again() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=2)
-    goal.accepted(0.0)
+    goal = on_two(accepted=1)
     goal.give_up(CancelReason.CANCELLED, 0.0)
     asked = {"asked_at": 0.0, "everybody": False}
     assert AskResult(anew=True) in goal.result(GoalState.SUCCEEDED, 1, 1.0, **asked)
@@ -921,19 +844,16 @@ def test_a_second_server_that_accepts_what_one_has_ended_may_run_it() -> None:
 
 def test_a_second_server_that_accepts_what_was_cancelled_is_asked_to_cancel_it_at_once() -> None:
     """It read the first request to cancel before it had the goal, so it ignored it."""
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=2)
-    goal.accepted(0.0)
+    goal = on_two(accepted=1)
     assert AskCancel() in goal.give_up(CancelReason.CANCELLED, 1.0)
     assert AskCancel() in goal.accepted(2.0)
 
 
 def test_what_one_of_two_servers_rejects_may_run_on_the_one_that_has_gone() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=2)
+    goal = on_two()
     goal.servers_changed(2, 1)
-    (settle,) = (each for each in goal.rejected(1.0) if isinstance(each, Settle))
-    assert (settle.ending.end, settle.ending.lost_because) == (End.LOST, ONE_IS_GONE)
+    (ending,) = endings(goal.rejected(1.0))
+    assert (ending.end, ending.lost_because) == (End.LOST, ONE_IS_GONE)
     assert goal.facts.may_run
     assert not goal.facts.is_lost_with_server  # the one that has gone may have rejected it
     goal.servers_changed(2, 2)
@@ -942,14 +862,12 @@ def test_what_one_of_two_servers_rejects_may_run_on_the_one_that_has_gone() -> N
 
 def test_a_goal_of_a_server_that_has_gone_is_lost_when_the_other_had_time_to_accept_it() -> None:
     """The other one came when the goal had just been sent, and never got it."""
-    goal = Goal(uuid.uuid4(), Timeouts(accept=5.0))
-    goal.sent(0.0)
-    goal.accepted(0.0)
+    goal = sent_to(1, accepted=1, accept=5.0)
     goal.servers_changed(2, 0)
     goal.servers_changed(2, 1)
     assert goal.result(None, None, 4.0, asked_at=3.9) == []  # it may still accept it
-    (settle,) = (e for e in goal.result(None, None, 5.0, asked_at=4.9) if isinstance(e, Settle))
-    assert (settle.ending.end, settle.ending.lost_because) == (End.LOST, ONE_IS_GONE)
+    (ending,) = endings(goal.result(None, None, 5.0, asked_at=4.9))
+    assert (ending.end, ending.lost_because) == (End.LOST, ONE_IS_GONE)
     assert goal.facts.known_to_run is None
     assert not goal.facts.is_lost_with_server
     assert AskCancel() in goal.accepted(7.0)
@@ -957,22 +875,17 @@ def test_a_goal_of_a_server_that_has_gone_is_lost_when_the_other_had_time_to_acc
 
 def test_without_a_limit_for_the_acceptance_such_a_goal_is_lost_all_the_same() -> None:
     """The call was accepted once: without a deadline, it would wait for ever."""
-    goal = Goal(uuid.uuid4(), Timeouts(accept=None))
-    goal.sent(0.0)
-    goal.accepted(0.0)
+    goal = sent_to(1, accepted=1, accept=None)
     goal.servers_changed(2, 0)
     goal.servers_changed(2, 1)
     assert goal.result(None, None, 4.0, asked_at=3.9) == []
-    (settle,) = (e for e in goal.result(None, None, 31.0, asked_at=30.9) if isinstance(e, Settle))
-    assert settle.ending.end is End.LOST
+    (ending,) = endings(goal.result(None, None, 31.0, asked_at=30.9))
+    assert ending.end is End.LOST
     assert not goal.facts.is_lost_with_server
 
 
 def test_what_one_of_two_servers_has_ended_may_run_on_the_one_that_is_back_and_lost_again() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=2)
-    goal.accepted(0.0)
-    goal.accepted(0.0)
+    goal = on_two(accepted=2)
     goal.servers_changed(2, 1)
     goal.result(GoalState.SUCCEEDED, None, 1.0, asked_at=0.5, everybody=False)
     goal.result(None, None, 2.0, asked_at=1.5)
@@ -985,8 +898,7 @@ def test_what_one_of_two_servers_has_ended_may_run_on_the_one_that_is_back_and_l
 
 
 def test_what_one_of_two_servers_rejects_after_both_were_lost_is_still_followed() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts())
-    goal.sent(0.0, servers=2)
+    goal = on_two()
     goal.server_lost("it is gone", 1.0)
     assert goal.rejected(2.0) == []
     assert goal.facts.may_run
