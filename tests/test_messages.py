@@ -417,6 +417,7 @@ def test_the_message_is_independent_of_what_it_was_built_from(
 
 Refusal = tuple[Any, Any, type[FieldProblem], str, str]
 
+MASKED = numpy.ma.array([0.5, 0.5], mask=[False, True])
 OUT_OF_RANGE: list[Refusal] = [
     (
         BasicTypes,
@@ -448,73 +449,74 @@ NONE_EVERYWHERE: list[Refusal] = [
 ]
 OTHERS: list[Refusal] = [
     # scalars of a wrong type
-    (BasicTypes, {"int32_value": True}, FieldTypeError, "int32_value", "True is of type bool"),
+    (BasicTypes, {"int32_value": True}, FieldTypeError, "int32_value",
+     "True is of type bool, but int32 needs an int."),
     (BasicTypes, {"int32_value": 5.0}, FieldTypeError, "int32_value", "5.0 is of type float"),
     (BasicTypes, {"int32_value": "5"}, FieldTypeError, "int32_value", "'5' is of type str"),
     (BasicTypes, {"int32_value": numpy.bool_(True)}, FieldTypeError, "int32_value", "needs an int"),
     (BasicTypes, {"int32_value": numpy.array(1)}, FieldTypeError, "int32_value", "needs an int"),
     (BasicTypes, {"int32_value": 10**5000}, FieldError, "int32_value", "<int too long to show>"),
     (BasicTypes, {"float64_value": False}, FieldTypeError, "float64_value", "needs a float"),
-    (BasicTypes, {"float64_value": "1e3"}, FieldTypeError, "float64_value", "'1e3' is of type str"),
-    (BasicTypes, {"bool_value": 1}, FieldTypeError, "bool_value", "1 is of type int"),
+    (BasicTypes, {"float64_value": "1e3"}, FieldTypeError, "float64_value",
+     "'1e3' is of type str, but double needs a float or an int."),
+    (BasicTypes, {"bool_value": 1}, FieldTypeError, "bool_value",
+     "1 is of type int, but boolean needs a bool (True or False)."),
     (BasicTypes, {"bool_value": "true"}, FieldTypeError, "bool_value", "'true' is of type str"),
     (BasicTypes, {"byte_value": True}, FieldTypeError, "byte_value", "True is of type bool"),
-    (BasicTypes, {"byte_value": "a"}, FieldTypeError, "byte_value", "bytes of length 1"),
+    (BasicTypes, {"byte_value": "a"}, FieldTypeError, "byte_value",
+     "'a' is of type str, but octet needs bytes of length 1 or an int 0..255."),
     (BasicTypes, {"char_value": "a"}, FieldTypeError, "char_value", "'a' is of type str"),
-    (Strings, {"string_value": 5}, FieldTypeError, "string_value", "5 is of type int"),
+    (Strings, {"string_value": 5}, FieldTypeError, "string_value",
+     "5 is of type int, but string needs a str."),
     (Strings, {"string_value": b"a"}, FieldTypeError, "string_value", "b'a' is of type bytes"),
     # scalars of a wrong value
-    (BasicTypes, {"byte_value": 256}, FieldError, "byte_value", "256 is out of range for octet"),
+    (BasicTypes, {"byte_value": 256}, FieldError, "byte_value",
+     "256 is out of range for octet (0..255)."),
     (BasicTypes, {"byte_value": -1}, FieldError, "byte_value", "-1 is out of range for octet"),
     (BasicTypes, {"byte_value": b""}, FieldError, "byte_value", "b'' has 0 bytes"),
-    (BasicTypes, {"byte_value": b"ab"}, FieldError, "byte_value", "b'ab' has 2 bytes"),
+    (BasicTypes, {"byte_value": b"ab"}, FieldError, "byte_value",
+     "b'ab' has 2 bytes, but octet needs exactly one."),
     (BasicTypes, {"char_value": 256}, FieldError, "char_value", "out of range for uint8"),
     (BasicTypes, {"float32_value": 1e39}, FieldError, "float32_value", "1e+39 is out of range"),
     (BasicTypes, {"float32_value": -1e39}, FieldError, "float32_value", "-1e+39 is out of range"),
-    (BasicTypes, {"float32_value": 10**39}, FieldError, "float32_value", "out of range for float"),
-    (
-        BasicTypes,
-        {"float64_value": 10**400},
-        FieldError,
-        "float64_value",
-        "out of range for double",
-    ),
+    (BasicTypes, {"float32_value": 10**39}, FieldError, "float32_value",
+     "1000000000000000000000000000000000000000 is out of range for float "
+     "(-3.40282347e+38..3.40282347e+38)."),
+    (BasicTypes, {"float64_value": 10**400}, FieldError, "float64_value",
+     "1000000000000000000000000000...00000000000000000000000000000 is out of range for double "
+     "(-1.79769313e+308..1.79769313e+308)."),
     # strings
-    (Strings, {"string_value": "a\0b"}, FieldError, "string_value", "'a\\x00b' holds a NUL"),
+    (Strings, {"string_value": "a\0b"}, FieldError, "string_value",
+     "'a\\x00b' holds a NUL character, which string cannot; remove it."),
     (Strings, {"string_value": "a\ud800"}, FieldError, "string_value", "lone surrogate at index 1"),
     (WStrings, {"wstring_value": "\udfff"}, FieldError, "wstring_value", "lone surrogate"),
     (Strings, {"bounded_string_value": "x" * 23}, FieldError, "bounded_string_value", "at most 22"),
-    (Strings, {"bounded_string_value": "é" * 12}, FieldError, "bounded_string_value", "24 bytes"),
+    (Strings, {"bounded_string_value": "é" * 12}, FieldError, "bounded_string_value",
+     "'éééééééééééé' has 24 bytes of UTF-8, but string<22> takes at most 22."),
     # arrays
-    (Arrays, {"int32_values": [1, 2]}, FieldError, "int32_values", "[1, 2] has 2 elements"),
+    (Arrays, {"int32_values": [1, 2]}, FieldError, "int32_values",
+     "[1, 2] has 2 elements, but int32[3] takes exactly 3."),
     (Arrays, {"int32_values": [1] * 4}, FieldError, "int32_values", "int32[3] takes exactly 3"),
     (Arrays, {"bool_values": []}, FieldError, "bool_values", "takes exactly 3"),
     (Arrays, {"string_values": ["a"]}, FieldError, "string_values", "takes exactly 3"),
     (Arrays, {"byte_values": b"ab"}, FieldError, "byte_values", "takes exactly 3"),
     (Arrays, {"basic_types_values": [{}]}, FieldError, "basic_types_values", "takes exactly 3"),
-    (BoundedSequences, {"int32_values": [1] * 4}, FieldError, "int32_values", "at most 3"),
+    (BoundedSequences, {"int32_values": [1] * 4}, FieldError, "int32_values",
+     "[1, 1, 1, 1] has 4 elements, but sequence<int32, 3> takes at most 3."),
     (BoundedSequences, {"string_values": ["a"] * 4}, FieldError, "string_values", "at most 3"),
     (WStrings, {"bounded_sequence_of_wstrings": ["a"] * 4}, FieldError, "bounded_s", "at most 3"),
     (Arrays, {"int32_values": numpy.zeros((3, 1))}, FieldError, "int32_values", "3x1 array"),
-    (
-        Builtins,
-        {"duration_value": Duration(seconds=1)},
-        FieldTypeError,
-        "duration_value",
-        ".to_msg()",
-    ),
+    (Builtins, {"duration_value": Duration(seconds=1)}, FieldTypeError, "duration_value",
+     "Duration(nanoseconds=1000000000) is of type Duration, but builtin_interfaces/msg/Duration "
+     "needs a builtin_interfaces/msg/Duration or a mapping of its fields; give its .to_msg()."),
     (Builtins, {"time_value": Time(seconds=1)}, FieldTypeError, "time_value", "give its .to_msg()"),
     (Builtins, {"time_value": {"nsec": 1}}, FieldError, "time_value.nsec", "mean 'nanosec'?"),
     (Builtins, {"time_value": {"nsecs": 1}}, FieldError, "time_value.nsecs", "mean 'nanosec'?"),
     (Builtins, {"time_value": {"secs": 1}}, FieldError, "time_value.secs", "mean 'sec'?"),
-    (
-        PoseArray,
-        {"poses": numpy.zeros((2, 7))},
-        FieldTypeError,
-        "poses",
-        "is a 2x7 array, but this needs a list of geometry_msgs/msg/Pose or of mappings of its",
-    ),
-    (Arrays, {"int32_values": numpy.array(3)}, FieldError, "int32_values", "0-dimensional array"),
+    (PoseArray, {"poses": numpy.zeros((2, 7))}, FieldTypeError, "poses",
+     "is a 2x7 array, but this needs a list of geometry_msgs/msg/Pose or of mappings of its"),
+    (Arrays, {"int32_values": numpy.array(3)}, FieldError, "int32_values",
+     "array(3) is a 0-dimensional array; ROS arrays are flat, give value.ravel()."),
     (
         UnboundedSequences,
         {"float64_values": numpy.ma.array([1.0, 2.0, 3.0], mask=[0, 1, 0])},
@@ -525,43 +527,18 @@ OTHERS: list[Refusal] = [
     (UnboundedSequences, {"int8_values": b"a"}, FieldTypeError, "int8_values", "b'a' is of type"),
     (UnboundedSequences, {"float32_values": [1, -1e39]}, FieldError, "float32_values[1]", "-1e+39"),
     (UnboundedSequences, {"float32_values": [1, 1e39]}, FieldError, "float32_values[1]", "1e+39"),
-    (
-        UnboundedSequences,
-        {"float32_values": [math.inf, 1, -1e39]},
-        FieldError,
-        "float32_values[2]",
-        "-1e+39 is out of range",
-    ),
-    (
-        UnboundedSequences,
-        {"float32_values": numpy.array([0, 1e39])},
-        FieldError,
-        "float32_values[1]",
-        "1e+39 is out of range",
-    ),
-    (
-        UnboundedSequences,
-        {"float64_values": [0.0, 10**400]},
-        FieldError,
-        "float64_values[1]",
-        "out of range for double",
-    ),
+    (UnboundedSequences, {"float32_values": [math.inf, 1, -1e39]}, FieldError, "float32_values[2]",
+     "-1e+39 is out of range"),
+    (UnboundedSequences, {"float32_values": numpy.array([0, 1e39])},
+     FieldError, "float32_values[1]", "1e+39 is out of range"),
+    (UnboundedSequences, {"float64_values": [0.0, 10**400]}, FieldError, "float64_values[1]",
+     "out of range for double"),
     (Fibonacci.Result, {"sequence": [1, True]}, FieldTypeError, "sequence[1]", "True is of type"),
     (Fibonacci.Result, {"sequence": [1, 2.0]}, FieldTypeError, "sequence[1]", "2.0 is of type"),
-    (
-        Fibonacci.Result,
-        {"sequence": [1, None]},
-        FieldTypeError,
-        "sequence[1]",
-        "None is not allowed",
-    ),
-    (
-        Fibonacci.Result,
-        {"sequence": numpy.array([0.5])},
-        FieldTypeError,
-        "sequence[0]",
-        "0.5 is of",
-    ),
+    (Fibonacci.Result, {"sequence": [1, None]}, FieldTypeError, "sequence[1]",
+     "None is not allowed"),
+    (Fibonacci.Result, {"sequence": numpy.array([0.5])}, FieldTypeError, "sequence[0]",
+     "0.5 is of"),
     (Fibonacci.Result, {"sequence": array("d", [1.0])}, FieldTypeError, "sequence[0]", "1.0 is of"),
     (Fibonacci.Result, {"sequence": numpy.array([True])}, FieldTypeError, "sequence[0]", "True is"),
     (Fibonacci.Result, {"sequence": "12"}, FieldTypeError, "sequence", "'12' is of type str"),
@@ -572,31 +549,17 @@ OTHERS: list[Refusal] = [
     (Fibonacci.Result, {"sequence": {0: 1}}, FieldTypeError, "sequence", "{0: 1} is of type dict"),
     (UnboundedSequences, {"bool_values": [True, 1]}, FieldTypeError, "bool_values[1]", "1 is of"),
     (UnboundedSequences, {"byte_values": [b"a", 300]}, FieldError, "byte_values[1]", "300 is out"),
-    (UnboundedSequences, {"string_values": "abc"}, FieldTypeError, "string_values", "'abc' is of"),
+    (UnboundedSequences, {"string_values": "abc"}, FieldTypeError, "string_values",
+     "'abc' is of type str, but this field needs a list, a tuple or an array."),
     (UnboundedSequences, {"string_values": ["a", "\0"]}, FieldError, "string_values[1]", "NUL"),
     # nested
     (Nested, {"basic_types_value": 3}, FieldTypeError, "basic_types_value", "3 is of type int"),
-    (
-        Nested,
-        {"basic_types_value": [3]},
-        FieldTypeError,
-        "basic_types_value",
-        "[3] is of type list",
-    ),
-    (
-        Nested,
-        {"basic_types_value": Strings()},
-        FieldTypeError,
-        "basic_types_value",
-        "is a test_msgs/msg/Strings, but this needs a test_msgs/msg/BasicTypes",
-    ),
-    (
-        Nested,
-        {"basic_types_value": BasicTypes(int8_value=128, check_fields=False)},
-        FieldError,
-        "basic_types_value.int8_value",
-        "128 is out of range for int8 (-128..127)",
-    ),
+    (Nested, {"basic_types_value": [3]}, FieldTypeError, "basic_types_value",
+     "[3] is of type list"),
+    (Nested, {"basic_types_value": Strings()}, FieldTypeError, "basic_types_value",
+     "is a test_msgs/msg/Strings, but this needs a test_msgs/msg/BasicTypes"),
+    (Nested, {"basic_types_value": BasicTypes(int8_value=128, check_fields=False)},
+     FieldError, "basic_types_value.int8_value", "128 is out of range for int8 (-128..127)"),
     (
         MultiNested,
         {"unbounded_sequence_of_arrays": [{}, {"basic_types_values": [{}, {}, {"bool_value": 2}]}]},
@@ -605,53 +568,66 @@ OTHERS: list[Refusal] = [
         "2 is of type int",
     ),
     # names
-    (
-        Fibonacci.Goal,
-        {"ordr": 7},
-        FieldError,
-        "ordr",
-        "'ordr'=7 is no field of test_msgs/action/Fibonacci_Goal; did you mean 'order'? "
-        "Its fields are: order",
-    ),
-    (
-        Nested,
-        {"basic_types_value": {"int_32_value": 7}},
-        FieldError,
-        "basic_types_value.int_32_value",
-        "did you mean 'int32_value'? Its fields are: bool_value, byte_value",
-    ),
+    (Fibonacci.Goal, {"ordr": 7}, FieldError, "ordr",
+     "'ordr'=7 is no field of test_msgs/action/Fibonacci_Goal; did you mean 'order'? Its fields "
+     "are: order."),
+    (Nested, {"basic_types_value": {"int_32_value": 7}},
+     FieldError, "basic_types_value.int_32_value",
+     "did you mean 'int32_value'? Its fields are: bool_value, byte_value"),
     (Fibonacci.Goal, {"_order": 7}, FieldError, "_order", "is no field of"),
     (Fibonacci.Goal, {"check_fields": True}, FieldError, "check_fields", "is no field of"),
     (Fibonacci.Goal, {1: 7}, FieldError, "1", "1=7 is no field of"),
-    (Empty, {"a": 1}, FieldError, "a", "It has no fields"),
+    (Empty, {"a": 1}, FieldError, "a",
+     "'a'=1 is no field of test_msgs/msg/Empty. It has no fields."),
     # the whole
-    (
-        Fibonacci.Goal,
-        Fibonacci.Goal(order=True, check_fields=False),
-        FieldTypeError,
-        "order",
-        "True is of type bool",
-    ),
-    (
-        Fibonacci.Goal,
-        Fibonacci.Goal(order=2**31, check_fields=False),
-        FieldError,
-        "order",
-        "2147483648 is out of range",
-    ),
-    (
-        Fibonacci.Goal,
-        Fibonacci.Result(),
-        FieldTypeError,
-        "",
-        "is a test_msgs/action/Fibonacci_Result, "
-        "but this needs a test_msgs/action/Fibonacci_Goal or a mapping of its fields",
-    ),
-    (Fibonacci.Goal, Fibonacci.Goal, FieldTypeError, "", "is a class, not a message; call it"),
-    (Fibonacci.Goal, None, FieldTypeError, "", "None is no test_msgs/action/Fibonacci_Goal"),
+    (Fibonacci.Goal, Fibonacci.Goal(order=True, check_fields=False), FieldTypeError, "order",
+     "True is of type bool"),
+    (Fibonacci.Goal, Fibonacci.Goal(order=2**31, check_fields=False), FieldError, "order",
+     "2147483648 is out of range"),
+    (Fibonacci.Goal, Fibonacci.Result(), FieldTypeError, "",
+     "is a test_msgs/action/Fibonacci_Result, but this needs a test_msgs/action/Fibonacci_Goal "
+     "or a mapping of its fields"),
+    (Fibonacci.Goal, Fibonacci.Goal, FieldTypeError, "",
+     "test_msgs/action/Fibonacci_Goal is a class, not a message; call it: Fibonacci_Goal()."),
+    (Fibonacci.Goal, None, FieldTypeError, "",
+     "None is no test_msgs/action/Fibonacci_Goal; give one, or a mapping of its fields."),
     (Fibonacci.Goal, 5, FieldTypeError, "", "5 is of type int"),
     (Fibonacci.Goal, [("order", 5)], FieldTypeError, "", "is of type list"),
-]
+    # and what else is told in full
+    (BasicTypes, {"int8_value": None}, FieldTypeError, "int8_value",
+     "None is not allowed for int8; give an int, or leave the field out to keep its default."),
+    (Strings, {"bounded_string_value": 5}, FieldTypeError, "bounded_string_value",
+     "5 is of type int, but string<22> needs a str."),
+    (WStrings, {"wstring_value": 5}, FieldTypeError, "wstring_value",
+     "5 is of type int, but wstring needs a str."),
+    (WStrings, {"wstring_value": "a\udfff"}, FieldError, "wstring_value",
+     "'a\\udfff' holds a lone surrogate at index 1, which wstring cannot; remove it."),
+    (Arrays, {"int32_values": numpy.zeros((1, 3))}, FieldError, "int32_values",
+     "array([[0., 0., 0.]]) is a 1x3 array; ROS arrays are flat, give value.ravel()."),
+    (UnboundedSequences, {"float64_values": MASKED}, FieldError, "float64_values",
+     "the array has no value at index 1, which is masked; give value.filled(...) with a number "
+     "for it, or value.compressed() without it."),
+    (UnboundedSequences, {"int32_values": "12"}, FieldTypeError, "int32_values",
+     "'12' is of type str, but a sequence of int32 needs a list, a tuple or an array."),
+    (UnboundedSequences, {"bool_values": 1}, FieldTypeError, "bool_values",
+     "1 is of type int, but a sequence of boolean needs a list, a tuple or an array."),
+    (UnboundedSequences, {"byte_values": 1}, FieldTypeError, "byte_values",
+     "1 is of type int, but a sequence of octet needs a list, a tuple or an array."),
+    (UnboundedSequences, {"basic_types_values": 1}, FieldTypeError, "basic_types_values",
+     "1 is of type int, but this field needs a list, a tuple or an array."),
+    (Builtins, {"time_value": 5}, FieldTypeError, "time_value",
+     "5 is of type int, but builtin_interfaces/msg/Time needs a builtin_interfaces/msg/Time or a "
+     "mapping of its fields."),
+    (PoseArray, {"poses": numpy.zeros((1, 2))}, FieldTypeError, "poses",
+     "array([[0., 0.]]) is a 1x2 array, but this needs a list of geometry_msgs/msg/Pose or of "
+     "mappings of its fields."),
+    (Polygon, {"points": numpy.zeros((1, 3))}, FieldTypeError, "points",
+     "array([[0., 0., 0.]]) is a 1x3 array, but this needs a list of geometry_msgs/msg/Point32 "
+     "or of mappings of its fields, such as [{'x': x, 'y': y, 'z': z} for x, y, z in value]."),
+    (Fibonacci.Goal, Empty(), FieldTypeError, "",
+     "test_msgs.msg.Empty() is a test_msgs/msg/Empty, but this needs a "
+     "test_msgs/action/Fibonacci_Goal or a mapping of its fields."),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -666,219 +642,17 @@ def test_refused_values(
         from_plain(cls, value)
     problem = caught.value
     assert problem.path == path or (path == "bounded_s" and problem.path.startswith(path))
-    assert text in str(problem)
     told = f"{problem.path}: {problem.problem}" if path else problem.problem
+    if text.endswith("."):
+        assert str(problem) == (f"{path}: {text}" if path else text)
+    else:
+        assert text in str(problem)
     assert str(problem) == (told if told.endswith(".") else f"{told}.")
     assert len(str(problem)) < 1200
     if not path or "which is masked" in told:
         assert problem.value is (value[path] if path else value)
     else:
         assert problem.problem.startswith(shown(problem.value))
-
-
-MASKED = numpy.ma.array([0.5, 0.5], mask=[False, True])
-
-
-@pytest.mark.parametrize(
-    ("cls", "value", "text"),
-    [
-        (
-            BasicTypes,
-            {"int32_value": True},
-            "int32_value: True is of type bool, but int32 needs an int.",
-        ),
-        (
-            BasicTypes,
-            {"float64_value": "1e3"},
-            "float64_value: '1e3' is of type str, but double needs a float or an int.",
-        ),
-        (
-            BasicTypes,
-            {"float32_value": 10**39},
-            f"float32_value: {10**39} is out of range for float (-3.40282347e+38..3.40282347e+38).",
-        ),
-        (
-            BasicTypes,
-            {"float64_value": 10**400},
-            "float64_value: 1000000000000000000000000000...00000000000000000000000000000 is out of"
-            " range for double (-1.79769313e+308..1.79769313e+308).",
-        ),
-        (
-            BasicTypes,
-            {"bool_value": 1},
-            "bool_value: 1 is of type int, but boolean needs a bool (True or False).",
-        ),
-        (
-            BasicTypes,
-            {"byte_value": "a"},
-            "byte_value: 'a' is of type str, but octet needs bytes of length 1 or an int 0..255.",
-        ),
-        (
-            BasicTypes,
-            {"byte_value": b"ab"},
-            "byte_value: b'ab' has 2 bytes, but octet needs exactly one.",
-        ),
-        (
-            BasicTypes,
-            {"byte_value": 256},
-            "byte_value: 256 is out of range for octet (0..255).",
-        ),
-        (
-            BasicTypes,
-            {"int8_value": None},
-            "int8_value: None is not allowed for int8; give an int, or leave the field out to keep"
-            " its default.",
-        ),
-        (
-            Strings,
-            {"string_value": 5},
-            "string_value: 5 is of type int, but string needs a str.",
-        ),
-        (
-            Strings,
-            {"bounded_string_value": 5},
-            "bounded_string_value: 5 is of type int, but string<22> needs a str.",
-        ),
-        (
-            WStrings,
-            {"wstring_value": 5},
-            "wstring_value: 5 is of type int, but wstring needs a str.",
-        ),
-        (
-            Strings,
-            {"string_value": "a\0b"},
-            r"string_value: 'a\x00b' holds a NUL character, which string cannot; remove it.",
-        ),
-        (
-            WStrings,
-            {"wstring_value": "a\udfff"},
-            r"wstring_value: 'a\udfff' holds a lone surrogate at index 1, which wstring cannot;"
-            " remove it.",
-        ),
-        (
-            Strings,
-            {"bounded_string_value": "é" * 12},
-            "bounded_string_value: 'éééééééééééé' has 24 bytes of UTF-8, but string<22> takes at"
-            " most 22.",
-        ),
-        (
-            Arrays,
-            {"int32_values": [1, 2]},
-            "int32_values: [1, 2] has 2 elements, but int32[3] takes exactly 3.",
-        ),
-        (
-            BoundedSequences,
-            {"int32_values": [1] * 4},
-            "int32_values: [1, 1, 1, 1] has 4 elements, but sequence<int32, 3> takes at most 3.",
-        ),
-        (
-            Arrays,
-            {"int32_values": numpy.zeros((1, 3))},
-            "int32_values: array([[0., 0., 0.]]) is a 1x3 array; ROS arrays are flat, give"
-            " value.ravel().",
-        ),
-        (
-            Arrays,
-            {"int32_values": numpy.array(3)},
-            "int32_values: array(3) is a 0-dimensional array; ROS arrays are flat, give"
-            " value.ravel().",
-        ),
-        (
-            UnboundedSequences,
-            {"float64_values": MASKED},
-            "float64_values: the array has no value at index 1, which is masked; give"
-            " value.filled(...) with a number for it, or value.compressed() without it.",
-        ),
-        (
-            UnboundedSequences,
-            {"int32_values": "12"},
-            "int32_values: '12' is of type str, but a sequence of int32 needs a list, a tuple or"
-            " an array.",
-        ),
-        (
-            UnboundedSequences,
-            {"bool_values": 1},
-            "bool_values: 1 is of type int, but a sequence of boolean needs a list, a tuple or an"
-            " array.",
-        ),
-        (
-            UnboundedSequences,
-            {"byte_values": 1},
-            "byte_values: 1 is of type int, but a sequence of octet needs a list, a tuple or an"
-            " array.",
-        ),
-        (
-            UnboundedSequences,
-            {"string_values": "abc"},
-            "string_values: 'abc' is of type str, but this field needs a list, a tuple or an"
-            " array.",
-        ),
-        (
-            UnboundedSequences,
-            {"basic_types_values": 1},
-            "basic_types_values: 1 is of type int, but this field needs a list, a tuple or an"
-            " array.",
-        ),
-        (
-            Builtins,
-            {"duration_value": Duration(seconds=1)},
-            "duration_value: Duration(nanoseconds=1000000000) is of type Duration, but"
-            " builtin_interfaces/msg/Duration needs a builtin_interfaces/msg/Duration or a mapping"
-            " of its fields; give its .to_msg().",
-        ),
-        (
-            Builtins,
-            {"time_value": 5},
-            "time_value: 5 is of type int, but builtin_interfaces/msg/Time needs a"
-            " builtin_interfaces/msg/Time or a mapping of its fields.",
-        ),
-        (
-            PoseArray,
-            {"poses": numpy.zeros((1, 2))},
-            "poses: array([[0., 0.]]) is a 1x2 array, but this needs a list of"
-            " geometry_msgs/msg/Pose or of mappings of its fields.",
-        ),
-        (
-            Polygon,
-            {"points": numpy.zeros((1, 3))},
-            "points: array([[0., 0., 0.]]) is a 1x3 array, but this needs a list of"
-            " geometry_msgs/msg/Point32 or of mappings of its fields, such as [{'x': x, 'y': y,"
-            " 'z': z} for x, y, z in value].",
-        ),
-        (
-            Fibonacci.Goal,
-            {"ordr": 7},
-            "ordr: 'ordr'=7 is no field of test_msgs/action/Fibonacci_Goal; did you mean 'order'?"
-            " Its fields are: order.",
-        ),
-        (
-            Empty,
-            {"a": 1},
-            "a: 'a'=1 is no field of test_msgs/msg/Empty. It has no fields.",
-        ),
-        (
-            Fibonacci.Goal,
-            Fibonacci.Goal,
-            "test_msgs/action/Fibonacci_Goal is a class, not a message; call it: Fibonacci_Goal().",
-        ),
-        (
-            Fibonacci.Goal,
-            Empty(),
-            "test_msgs.msg.Empty() is a test_msgs/msg/Empty, but this needs a"
-            " test_msgs/action/Fibonacci_Goal or a mapping of its fields.",
-        ),
-        (
-            Fibonacci.Goal,
-            None,
-            "None is no test_msgs/action/Fibonacci_Goal; give one, or a mapping of its fields.",
-        ),
-    ],
-)
-@pytest.mark.every
-def test_what_a_refusal_says(cls: Any, value: Any, text: str) -> None:
-    with pytest.raises(FieldProblem) as caught:
-        from_plain(cls, value)
-    assert str(caught.value) == text
 
 
 def test_the_largest_and_the_smallest_numbers_of_a_type_are_kept() -> None:
@@ -1094,83 +868,30 @@ LOOKS = "a path looks like pose.position.x or poses[0].header."
 BASIC_FIELDS = ", ".join(BasicTypes.get_fields_and_field_types())
 
 
-@pytest.mark.parametrize(
-    ("cls", "path", "where", "wrong", "text"),
-    [
-        (
-            Fibonacci.Result,
-            "sequense",
-            "sequense",
-            "sequense",
-            "'sequense' is no field of test_msgs/action/Fibonacci_Result; did you mean 'sequence'?"
-            " Its fields are: sequence.",
-        ),
-        (
-            Fibonacci.Result,
-            "zzz",
-            "zzz",
-            "zzz",
-            "'zzz' is no field of test_msgs/action/Fibonacci_Result. Its fields are: sequence.",
-        ),
-        (
-            UnboundedSequences,
-            "basic_types_values[0].x",
-            "basic_types_values[0].x",
-            "x",
-            f"'x' is no field of test_msgs/msg/BasicTypes. Its fields are: {BASIC_FIELDS}.",
-        ),
-        (
-            Fibonacci.Goal,
-            "order.x",
-            "order.x",
-            "x",
-            "order is of type int32 and has no field 'x'.",
-        ),
-        (
-            Fibonacci.Goal,
-            "order[0]",
-            "order",
-            0,
-            "it is of type int32, no array; leave out the [0].",
-        ),
-        (
-            Fibonacci.Result,
-            "sequence.x",
-            "sequence.x",
-            "x",
-            "sequence is of type sequence<int32> and has no field 'x'.",
-        ),
-        (
-            Arrays,
-            "int32_values[3]",
-            "int32_values",
-            3,
-            "there is never an element 3 in a int32[3].",
-        ),
-        (
-            BoundedSequences,
-            "int32_values[3]",
-            "int32_values",
-            3,
-            "there is never an element 3 in a sequence<int32, 3>.",
-        ),
-        (Fibonacci.Result, "", "", "", f"'' is not a field name in ''; {LOOKS}"),
-        (
-            Fibonacci.Result,
-            "sequence[-1]",
-            "sequence[-1]",
-            "sequence[-1]",
-            f"'sequence[-1]' is not a field name in 'sequence[-1]'; {LOOKS}",
-        ),
-        (
-            Nested,
-            "basic_types_value.",
-            "basic_types_value.",
-            "basic_types_value.",
-            f"'' is not a field name in 'basic_types_value.'; {LOOKS}",
-        ),
-    ],
-)
+NOWHERE = [
+    (Fibonacci.Result, "sequense", "sequense", "sequense",
+     "'sequense' is no field of test_msgs/action/Fibonacci_Result; did you mean 'sequence'? Its "
+     "fields are: sequence."),
+    (Fibonacci.Result, "zzz", "zzz", "zzz",
+     "'zzz' is no field of test_msgs/action/Fibonacci_Result. Its fields are: sequence."),
+    (UnboundedSequences, "basic_types_values[0].x", "basic_types_values[0].x", "x",
+     f"'x' is no field of test_msgs/msg/BasicTypes. Its fields are: {BASIC_FIELDS}."),
+    (Fibonacci.Goal, "order.x", "order.x", "x", "order is of type int32 and has no field 'x'."),
+    (Fibonacci.Goal, "order[0]", "order", 0, "it is of type int32, no array; leave out the [0]."),
+    (Fibonacci.Result, "sequence.x", "sequence.x", "x",
+     "sequence is of type sequence<int32> and has no field 'x'."),
+    (Arrays, "int32_values[3]", "int32_values", 3, "there is never an element 3 in a int32[3]."),
+    (BoundedSequences, "int32_values[3]", "int32_values", 3,
+     "there is never an element 3 in a sequence<int32, 3>."),
+    (Fibonacci.Result, "", "", "", f"'' is not a field name in ''; {LOOKS}"),
+    (Fibonacci.Result, "sequence[-1]", "sequence[-1]", "sequence[-1]",
+     f"'sequence[-1]' is not a field name in 'sequence[-1]'; {LOOKS}"),
+    (Nested, "basic_types_value.", "basic_types_value.", "basic_types_value.",
+     f"'' is not a field name in 'basic_types_value.'; {LOOKS}"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("cls", "path", "where", "wrong", "text"), NOWHERE)
 @pytest.mark.every
 def test_paths_that_lead_nowhere(cls: Any, path: str, where: str, wrong: object, text: str) -> None:
     for resolve in (lambda: field_type(cls, path), lambda: get_field(cls(), path)):
