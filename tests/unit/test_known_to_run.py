@@ -25,6 +25,7 @@ FACTS: list[tuple[dict[str, Any], bool, bool | None, GoalFate]] = [
     ({}, False, None, GoalFate.UNANSWERED),
     ({"noes": 1, "rejected": True}, True, False, GoalFate.REJECTED),
     ({"accepted": True, "yeses": 1}, False, True, GoalFate.RUNNING),
+    ({"accepted": True, "refused": True}, False, True, GoalFate.RUNNING),
     ({"accepted": True}, False, True, GoalFate.RUNNING),  # the answer itself was lost
     ({"accepted": True, **ENDED, "over": True}, True, False, GoalFate.ENDED),
     ({"accepted": True, "lost": True}, False, None, GoalFate.LOST),
@@ -63,12 +64,7 @@ def test_what_follows_from_the_facts(
     assert facts.known_to_run is runs
     assert facts.may_run is fate.may_run
     assert facts.fate is fate
-
-
-@pytest.mark.parametrize("refused", [False, True])
-def test_the_report_of_a_goal_tells_its_fate_and_a_refusal(refused: bool) -> None:
-    facts = GoalFacts(uuid.uuid4(), accepted=True, refused=refused)
-    assert facts.report == GoalReport(facts.goal_id, GoalFate.RUNNING, cancel_refused=refused)
+    assert facts.report == GoalReport(facts.goal_id, fate, cancel_refused=facts.refused)
 
 
 def test_only_one_of_several_servers_that_has_not_answered_is_undecided() -> None:
@@ -79,19 +75,13 @@ def test_only_one_of_several_servers_that_has_not_answered_is_undecided() -> Non
     assert not GoalFacts(goal_id, servers=2, yeses=1, attached=True).undecided
 
 
-@pytest.mark.parametrize(
-    ("known", "nobody_has_it"),
-    [
-        ({"lost": True, "gone": True}, True),
-        ({"lost": True}, False),  # its server is only silent
-        ({"gone": True}, False),  # it was not found out yet
-        ({"lost": True, "gone": True, "left": True}, False),  # this side looked away before
-    ],
-)
-def test_only_a_goal_whose_server_has_left_was_lost_with_it(
-    known: dict[str, bool], nobody_has_it: bool
-) -> None:
-    assert GoalFacts(uuid.uuid4(), **known).is_lost_with_server is nobody_has_it
+def test_only_a_goal_whose_server_has_left_was_lost_with_it() -> None:
+    goal_id = uuid.uuid4()
+    assert GoalFacts(goal_id, lost=True, gone=True).is_lost_with_server
+    assert not GoalFacts(goal_id, lost=True).is_lost_with_server  # its server is only silent
+    assert not GoalFacts(goal_id, gone=True).is_lost_with_server  # it was not found out yet
+    looked_away = GoalFacts(goal_id, lost=True, gone=True, left=True)  # before its server left
+    assert not looked_away.is_lost_with_server
 
 
 def sent() -> Goal:
