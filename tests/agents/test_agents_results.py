@@ -219,7 +219,7 @@ def test_what_is_stopped_while_its_goal_is_handed_over_is_cancelled() -> None:
     assert asked == ["cancel"]
 
 
-def test_calls_at_the_same_moment_do_not_pass_the_limit() -> None:
+def test_no_goal_is_added_beyond_the_limit_of_its_action() -> None:
     goals = Goals()
     assert [goals.add(GoalRecord(tool, "/a"), 2) for tool in "xyz"] == [True, True, False]
     assert goals.add(GoalRecord("x", "/b"), 2)

@@ -82,7 +82,7 @@ client = Client(Fibonacci, 'fibonacci')
 client.call({'order': 2}, 10)
 future = client.call_async({'order': 90})
 if (child := os.fork()) == 0:
-    signal.alarm(60)  # kills it where it waits for ever
+    signal.alarm(10)  # kills it where it waits for ever
     for use in (lambda: client.call({'order': 1}), future.result, future.cancel):
         try:
             use()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import select
 import shutil
 import signal
 import subprocess
@@ -143,17 +144,18 @@ def _copies(folder: Path, number: int) -> list[_Slot]:
 
 def _next_end(running: dict[int, _Slot], longest: float = LONGEST) -> Run:
     """Wait until one has ended, or has taken too long."""
-    while True:
-        for pid, slot in list(running.items()):
-            ended, status = os.waitpid(pid, os.WNOHANG)
-            if not ended and time.monotonic() - slot.began < longest:
-                continue
-            _kill(pid)
-            if not ended:
-                os.waitpid(pid, 0)
-            del running[pid]
-            return slot.end(os.waitstatus_to_exitcode(status) if ended else None)
-        time.sleep(0.05)
+    oldest = min(running, key=lambda pid: running[pid].began)
+    handles = {os.pidfd_open(pid): pid for pid in running}
+    try:
+        left = running[oldest].began + longest - time.monotonic()
+        ended = select.select(handles, [], [], max(0.0, left))[0]
+    finally:
+        for handle in handles:
+            os.close(handle)
+    pid = handles[ended[0]] if ended else oldest
+    _kill(pid)
+    _, status = os.waitpid(pid, 0)
+    return running.pop(pid).end(os.waitstatus_to_exitcode(status) if ended else None)
 
 
 def _kill(pid: int) -> None:

@@ -761,6 +761,13 @@ class Busy:
     def close(self) -> None: ...
 
 
+def test_a_result_waits_a_moment_for_the_callbacks_of_earlier_feedback() -> None:
+    life = lived([*RUNNING, ("result", 0, GoalState.SUCCEEDED)], callbacks=Busy())
+    assert not life.done
+    life.wait(1.0)
+    assert life.outcome.error is None
+
+
 @pytest.mark.parametrize("judged", [False, True])
 def test_a_result_does_not_wait_for_callbacks_on_a_thread_that_died(judged: bool) -> None:
     events = [*RUNNING, ("result", 0, GoalState.ABORTED), ("fail",)]

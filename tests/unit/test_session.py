@@ -6,7 +6,7 @@ import threading
 import time
 import uuid
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -29,7 +29,7 @@ class Orphans:
 class World(Clock):
     """A session over a port on which nothing is in flight."""
 
-    def __init__(self) -> None:
+    def __init__(self, on_close: str = "cancel") -> None:
         super().__init__()
         self.time = time.monotonic()
         self.orphans = Orphans()
@@ -50,9 +50,10 @@ class World(Clock):
                 on_shutdown=[],
             ),
             end_waits=lambda: None,
+            end_spinning=lambda: None,
             why_unusable=lambda: "",
         )
-        self.session = Session(self.port, "cancel", 1.0)  # type: ignore[arg-type]
+        self.session = Session(self.port, on_close, 1.0)  # type: ignore[arg-type]
 
 
 def test_it_stays_while_goals_are_cancelled_on_a_second_server() -> None:
@@ -93,6 +94,27 @@ def test_closing_does_not_wait_after_ctrl_c_has_ended_such_a_wait() -> None:
         world.advance(LINGER + 1)
         assert world.freed.is_set()
     assert (first > 0, second) == (True, 0)
+
+
+@pytest.mark.parametrize(("on_close", "waits"), [("cancel", False), ("abandon", True)])
+def test_goals_are_let_run_only_when_nobody_has_heard_of_ctrl_c(on_close: str, waits: bool) -> None:
+    """rclpy's handler shuts ROS down before a blocking call hears of Ctrl-C (C2.5)."""
+    world, closed = World(on_close), list[bool]()
+
+    class InFlight:
+        def close(self, *, abandon: bool, because: str) -> None:
+            closed.append(abandon)
+
+    world.session.calls.add(cast(Any, InFlight()))
+    world.port.why_unusable = lambda: "ROS was shut down"
+    world.session._look_at_ros()
+    assert closed == ([] if waits else [False])
+    world.advance(1.0)
+    assert closed == [waits]
+    world.session.calls.clear()
+    world.orphans.confirmed = False
+    world.session.release()
+    assert world.session not in open_sessions
 
 
 def test_what_was_freed_is_held_by_no_timer() -> None:

@@ -154,7 +154,7 @@ MUTANTS = (
         "            if sum(one.counts for one in self._records if one.action == record.action)"
         " >= limit:\n                return False\n",
         "",
-        ("agents/test_agents_results.py::test_calls_at_the_same_moment_do_not_pass_the_limit",),
+        ("agents/test_agents_results.py::test_no_goal_is_added_beyond_the_limit_of_its_action",),
     ),
     Mutant(
         "C10.2",

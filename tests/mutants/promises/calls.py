@@ -226,7 +226,10 @@ MUTANTS = (
         "_calls/call_record.py",
         "        if ending.end not in _WITH_RESULT or callbacks is None:",
         "        if True:",
-        ("client/test_feedback_real.py::test_callbacks_get_it_unwrapped_and_in_order",),
+        (
+            "unit/test_call_properties.py::"
+            "test_a_result_waits_a_moment_for_the_callbacks_of_earlier_feedback",
+        ),
     ),
     Mutant(
         "C1.8",

@@ -246,7 +246,7 @@ MUTANTS = (
         "_calls/session.py",
         "            if self._abandon:\n                self.call_at(",
         "            if self._abandon and self._closed:\n                self.call_at(",
-        ("client/test_shutdown.py::test_ctrl_c_cancels_what_else_would_be_left_to_run",),
+        ("unit/test_session.py::test_goals_are_let_run_only_when_nobody_has_heard_of_ctrl_c",),
     ),
     Mutant(
         "C2.5",
