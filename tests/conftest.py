@@ -274,12 +274,14 @@ def _late_journal(pytestconfig: pytest.Config) -> Iterator[None]:
 def _signals() -> None:
     """Let programs that tests start hear signals, also where the tests run in the background.
 
-    A shell has what it starts there ignore Ctrl-C, and `nohup` SIGHUP, and that is inherited.
+    A shell has what it starts there ignore Ctrl-C and SIGQUIT, and `nohup` SIGHUP. That is
+    inherited, and for a guard it means that it passes none of them on.
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
-        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    for number in (signal.SIGHUP, signal.SIGQUIT):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session", autouse=True)
