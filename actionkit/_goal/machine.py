@@ -193,7 +193,7 @@ class Goal(CancellableGoal):
             effects.append(self._enter(GoalState.EXECUTING))
         return effects + self._arm_stall(now)
 
-    def status(self, state: GoalState, now: float, *, ours: bool = True) -> list[fx.Effect]:
+    def status(self, state: GoalState, now: float, *, ours: bool) -> list[fx.Effect]:
         """The server's status topic shows the goal in `state`.
 
         `ours` means that one of our cancel requests may have cancelled it (C4.4).

@@ -123,7 +123,8 @@ class _Slot:
             del sys.modules[name]
         import pytest
 
-        return int(pytest.main(arguments))
+        # In the usual folder one run removes what another one is about to read.
+        return int(pytest.main([*arguments, "--basetemp", str(self.root.with_suffix(".files"))]))
 
 
 def listed_files() -> list[str]:

@@ -527,11 +527,11 @@ class World:
             tell = event == "rejects" and goal and (lambda: goal.rejected(now))
         elif event == "shows":
             truth[1] = SEEN
-            tell = goal and (lambda: goal.status(GoalState.EXECUTING, now))
+            tell = goal and (lambda: goal.status(GoalState.EXECUTING, now, ours=True))
         elif event == "ends unseen":
             truth[1] = ENDED
         elif event == "shows success":
-            tell = goal and (lambda: goal.status(GoalState.SUCCEEDED, now))
+            tell = goal and (lambda: goal.status(GoalState.SUCCEEDED, now, ours=True))
         elif event == "refuses":
             truth[1] = SEEN
             answer = CancelAnswer.REFUSED

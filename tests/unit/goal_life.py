@@ -201,6 +201,8 @@ class Life:
         asks_again = self.ending is not None and event in GIVING_UP
         if event in ("result", "cancel_answered"):
             options.setdefault("asked_at", self.now)
+        if event == "status":
+            options.setdefault("ours", True)
         self._note(event, args, options)
         given = (GIVING_UP[event],) if event in GIVING_UP else args
         last = (1,) if event == "attached_again" else ()  # how many servers may have it

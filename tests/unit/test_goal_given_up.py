@@ -1027,7 +1027,7 @@ def test_what_is_only_followed_is_left_at_the_deadline(accepted: bool) -> None:
     goal = Goal(uuid.uuid4(), Timeouts())
     goal.attached(0.0, 1, left_alone=True)
     if accepted:
-        goal.status(GoalState.EXECUTING, 1.0)
+        goal.status(GoalState.EXECUTING, 1.0, ours=True)
     ending = Ending(
         End.DEADLINE,
         GoalState.TIMED_OUT,

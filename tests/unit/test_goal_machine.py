@@ -506,7 +506,7 @@ def test_what_no_server_knows_cannot_be_followed(why: CancelReason | None, end: 
 
 def test_what_is_only_followed_is_left_when_its_server_is_lost() -> None:
     goal = followed(left_alone=True)
-    goal.status(GoalState.EXECUTING, 1.0)
+    goal.status(GoalState.EXECUTING, 1.0, ours=True)
     effects = goal.server_lost("gone", 2.0)
     assert effects[1] == Record(GoalState.LOST, "gone")
     assert endings(effects)[0].end is End.LOST
@@ -730,7 +730,7 @@ def test_what_runs_on_a_server_that_has_left_is_lost_with_it_when_the_other_deni
 def test_an_end_that_was_shown_before_the_second_server_came_goes_with_the_first(how: str) -> None:
     goal = sent_to(1, accepted=1, accept=5.0)
     goal.give_up(CancelReason.CANCELLED, 0.0)
-    goal.status(GoalState.SUCCEEDED, 0.0)
+    goal.status(GoalState.SUCCEEDED, 0.0, ours=True)
     goal.servers_changed(2, 0)
     goal.servers_changed(2, 1)
     if how == "lost":
@@ -832,7 +832,7 @@ def test_a_second_server_that_accepts_what_one_has_ended_may_run_it() -> None:
     goal = Goal(uuid.uuid4(), Timeouts())
     goal.sent(0.0)  # for one server: the other is not in sight so far
     goal.accepted(0.0)
-    goal.status(GoalState.SUCCEEDED, 1.0)
+    goal.status(GoalState.SUCCEEDED, 1.0, ours=True)
     assert goal.facts.is_over
     goal.accepted(1.0)
     assert goal.facts.may_run

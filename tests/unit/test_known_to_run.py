@@ -115,7 +115,7 @@ def test_a_caller_who_gives_up_changes_nothing() -> None:
 
 def test_the_status_topic_tells_the_end_before_the_result() -> None:
     goal = accepted()
-    goal.status(GoalState.CANCELED, 2.0)
+    goal.status(GoalState.CANCELED, 2.0, ours=True)
     assert goal.facts.known_to_run is False
     assert not goal.may_run
 
@@ -198,7 +198,7 @@ def test_each_goal_that_may_run_is_kept_and_a_hundred_of_the_others() -> None:
 def attached(servers: int, *, left_alone: bool) -> Goal:
     goal = Goal(uuid.uuid4(), Timeouts())
     goal.attached(0.0, servers, left_alone=left_alone)
-    goal.status(GoalState.EXECUTING, 1.0)
+    goal.status(GoalState.EXECUTING, 1.0, ours=True)
     return goal
 
 
