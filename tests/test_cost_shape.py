@@ -95,7 +95,7 @@ def test_nothing_is_left_of_calls_that_are_over(action_server, make_client):
     objects, threads = call(50)
     more_objects, more_threads = call(200)
     assert more_objects - objects < 100  # of 200 calls
-    assert more_threads == threads
+    assert more_threads <= threads  # one of an earlier test may have ended meanwhile
     sizes = client._session.port.table_sizes()
     assert sizes.pop("timers") <= 1
     assert set(sizes.values()) == {0}
