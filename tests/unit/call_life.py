@@ -474,7 +474,8 @@ class CallLife:
         goal.cancels_answered += 1
         if answer is CancelAnswer.UNKNOWN_GOAL:
             goal.cancels_in_vain += 1
-            goal.may_run = goal.may_run and not (goal.lost and self.may_have_it(goal))
+            had = goal.lost or goal.accepted
+            goal.may_run = goal.may_run and not (had and self.may_have_it(goal))
             # It is asked again: it may know the goal by then.
             self.timers.arm(self.clock + 1.0, lambda: self.link.ask_cancel(listener, urgent=False))
         else:

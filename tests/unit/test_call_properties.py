@@ -761,6 +761,12 @@ class Busy:
     def close(self) -> None: ...
 
 
+def test_an_accepted_goal_that_its_server_twice_does_not_know_is_not_watched_on() -> None:
+    unknown = ("cancel_answer", 0, UNKNOWN)
+    events = [("ready",), ("fire",), ("accepted", 0), unknown, ("wait", 0.5), unknown]
+    assert lived(events, accept=1.0).link.listeners == {}
+
+
 def test_a_result_waits_a_moment_for_the_callbacks_of_earlier_feedback() -> None:
     life = lived([*RUNNING, ("result", 0, GoalState.SUCCEEDED)], callbacks=Busy())
     assert not life.done
