@@ -32,6 +32,7 @@ from actionkit._calls.attempt import Attempt
 from actionkit._calls.call import Call
 from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.request import Request
+from actionkit._goal.stages import DOUBT
 from actionkit._model import errors
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._threads.clock import TimerHandle, TimerQueue
@@ -62,6 +63,7 @@ class OnServers:
     cancels_in_vain: int = 0
     accepted: bool = False
     lost: bool = False
+    unknown_since: float | None = None  # when its server first did not know it any more
     server: int = 0
     may_run: bool = False
     finished: bool = False
@@ -474,13 +476,22 @@ class CallLife:
         goal.cancels_answered += 1
         if answer is CancelAnswer.UNKNOWN_GOAL:
             goal.cancels_in_vain += 1
-            had = goal.lost or goal.accepted
-            goal.may_run = goal.may_run and not (had and self.may_have_it(goal))
+            over = goal.lost or self._is_forgotten(goal)
+            goal.may_run = goal.may_run and not (over and self.may_have_it(goal))
             # It is asked again: it may know the goal by then.
             self.timers.arm(self.clock + 1.0, lambda: self.link.ask_cancel(listener, urgent=False))
         else:
             self._lives(goal)
         self.does(listener.on_cancel_answer, answer, self.clock)
+
+    def _is_forgotten(self, goal: OnServers) -> bool:
+        """Whether its server, asked to cancel it, does not know it for the second time.
+
+        The first answer may come from another thread than the one that accepts it (R12).
+        """
+        if goal.accepted and goal.unknown_since is None:
+            goal.unknown_since = self.clock
+        return goal.unknown_since is not None and self.clock >= goal.unknown_since + DOUBT
 
     # --- events: the user, and time --------------------------------------------------------
 
