@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Protocol
 
 from actionkit._calls.goal_timers import Clock, GoalTimers
 from actionkit._goal import effects as fx
+from actionkit._goal.facts import GoalFacts
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
@@ -38,14 +39,14 @@ class AttemptLink(Protocol):
     @property
     def others_confirmed_at(self) -> float: ...
     def send_goal(self, listener: Attempt, goal: Any) -> int: ...
-    def follow_goal(self, listener: Attempt) -> int: ...
+    def follow_goal(self, listener: Attempt, request: int | None = None) -> int: ...
     def leave_outbox(self, listener: Attempt) -> None: ...
     def sees_server_of(self, listener: Attempt) -> bool: ...
     def ask_result(self, listener: Attempt, *, supersedes_earlier: bool = False) -> None: ...
     def ask_cancel(self, listener: Attempt, *, urgent: bool) -> None: ...
     def stop_cancel(self, listener: Attempt) -> None: ...
     def watch_status(self) -> None: ...
-    def forget(self, listener: Attempt, *, abandoned: bool, finished: bool) -> None: ...
+    def forget(self, listener: Attempt, keep: GoalFacts | None = None) -> None: ...
 
 
 class AttemptOwner(Protocol):
@@ -55,6 +56,18 @@ class AttemptOwner(Protocol):
     def unwanted(self) -> bool: ...
     @property
     def urgent(self) -> bool: ...
+    def on_record(self, attempt: Attempt, record: fx.Record) -> None: ...
+    def on_feedback(self, attempt: Attempt, messages: list[bytes]) -> None: ...
+    def on_end(self, attempt: Attempt, ending: fx.Ending) -> None: ...
+    def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None: ...
+    def on_over(self, attempt: Attempt) -> None: ...
+
+
+class CallForgotten:
+    """Stands for a call that is over and was forgotten: it needs no news."""
+
+    unwanted, urgent = True, False
+
     def on_record(self, attempt: Attempt, record: fx.Record) -> None: ...
     def on_feedback(self, attempt: Attempt, messages: list[bytes]) -> None: ...
     def on_end(self, attempt: Attempt, ending: fx.Ending) -> None: ...
@@ -96,7 +109,6 @@ class Attempt:
         self._applying = False
         self._servers = 1
         self._in_outbox = True
-        self._has_result = False
         self._cancels = 0  # requests sent, minus those for which a server did not know the goal
         self._first_cancel_at = 0.0  # when the first of them was sent
 
@@ -127,6 +139,12 @@ class Attempt:
         self._liveness = timeouts.liveness
         self._in_outbox = True
         self._first = partial(self.goal.attached_again, timeouts, left_alone=left_alone)
+
+    def take_back(self, facts: GoalFacts, request: int) -> None:
+        """Follow a goal that was released again: another server has accepted its `request`."""
+        self._in_outbox = False
+        servers = self._link.follow_goal(self, request)
+        self._apply(self.goal.taken_back(facts, servers, self._now()))
 
     def start(self) -> None:
         """Follow the goal after `send` or `attach`."""
@@ -201,10 +219,10 @@ class Attempt:
         outdated: bool = False,
         everybody: bool = True,
         ends: int = 1,
+        answers: int = 1,
     ) -> None:
         if state is None and outdated:
             return  # "goal unknown" answers an old request; the result was requested again
-        self._has_result = state is not None
         ours, own = self.cancel_is_ours, self._link.sees_server_of(self)
         now, seen = self._now(), self.goal.stage is not Stage.LOST
         self._apply(
@@ -217,6 +235,7 @@ class Attempt:
                 own=own,
                 everybody=everybody,
                 ends=ends,
+                answers=answers,
             )
         )
         self._look_whether_lost(seen)
@@ -310,7 +329,8 @@ class Attempt:
 
     def _release(self, _: fx.Release) -> None:
         self._timers.keep_only()
-        self._link.forget(self, abandoned=self.goal.abandoned, finished=self._has_result)
+        # One that is left running on purpose is not cancelled elsewhere either.
+        self._link.forget(self, keep=None if self.goal.abandoned else self.goal.facts)
         self._on_change(self)
         self.owner.on_over(self)
         if self._sender is not self.owner:

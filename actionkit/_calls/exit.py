@@ -76,7 +76,7 @@ def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
     """
     while True:
         confirmed_at = max((session.confirmed_at for session in sessions), default=began)
-        given_up_at = max((session.given_up_at(began) for session in sessions), default=began)
+        given_up_at = max((session.given_up_at for session in sessions), default=began)
         until = max(given_up_at, min(confirmed_at, began + LONGEST_GRACE)) + grace
         if time.monotonic() >= until or all(s.await_freed(until) for s in sessions):
             return

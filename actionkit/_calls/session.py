@@ -15,7 +15,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
-from actionkit._calls.attempt import Attempt
+from actionkit._calls.attempt import Attempt, CallForgotten
 from actionkit._calls.call import Call
 from actionkit._calls.drivers import find_driver
 from actionkit._calls.error_texts import CLIENT_CLOSED, ENDING
@@ -28,6 +28,7 @@ from actionkit._calls.signals import is_ending
 from actionkit._goal.facts import GoalFacts
 from actionkit._goal.stages import CancelReason, Stage
 from actionkit._model.errors import ClientClosedError
+from actionkit._model.settings import Timeouts
 from actionkit._observers.delivery import ObserverDispatcher
 from actionkit._observers.protocol import Observer
 from actionkit._ros import graph, secured
@@ -114,7 +115,7 @@ class Session:
         )
         self.callbacks = Pool(self.action_name)
         """The threads of the user's callbacks."""
-        self.link.orphans.on_none_confirmed = self._free_if_done
+        self.link.on_accepted_late = self._take_back
         open_sessions.add(self)
         runtime.on_failure.append(self._on_failure)
         runtime.on_shutdown.append(self._look_at_ros)
@@ -278,6 +279,17 @@ class Session:
         self._attempts[made] = None
         return made
 
+    def _take_back(self, request: int, facts: GoalFacts) -> None:
+        """Cancel a goal that was over here, and that another server has accepted now (R14)."""
+        if (attached := self.watched(facts.goal_id)) is not None:
+            attached.on_accepted()  # whoever has attached to it decides
+            return
+        made = Attempt(
+            self.link, facts.goal_id, Timeouts(), CallForgotten(), on_change=self._changed
+        )
+        self._attempts[made] = None
+        made.take_back(facts, request)
+
     def goals_in_flight(self) -> list[GoalFacts]:
         """Return the goals that may run, also those of calls that have ended. From any thread."""
         return [each.goal.facts for each in list(self._attempts)]
@@ -427,7 +439,7 @@ class Session:
     def _done(self) -> bool:
         # A goal with a server that is gone is watched only while the client lives (C2.4).
         watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)
-        return not self.calls and not watched and not self.link.orphans.confirmed
+        return not self.calls and not watched
 
     def _free_if_done(self) -> None:
         if self._linger_timer is not None and self._done:
@@ -516,13 +528,11 @@ class Session:
         """Whether a server in sight may soon confirm that some goal has stopped."""
         return any(each.goal.may_run for each in list(self._attempts))
 
-    def given_up_at(self, orphans_at: float) -> float:
-        """Return when the caller gave up on the last of the goals that may be running.
-
-        For goals on other servers, nobody records that: `orphans_at` counts as their time.
-        """
-        times = [a.goal.cancelled_at for a in list(self._attempts) if a.goal.facts.may_run]
-        return max([*times, orphans_at] if self.link.orphans.confirmed else times, default=0.0)
+    @property
+    def given_up_at(self) -> float:
+        """When the caller gave up on the last of the goals that may be running; else 0."""
+        times = (each.goal.cancelled_at for each in list(self._attempts) if each.goal.facts.may_run)
+        return max(times, default=0.0)
 
     @property
     def confirmed_at(self) -> float:

@@ -13,6 +13,7 @@ from typing import Any
 
 from actionkit._goal import effects as fx
 from actionkit._goal.cancelling import CancellableGoal
+from actionkit._goal.facts import GoalFacts
 from actionkit._goal.stages import (
     DOUBT,
     END_AFTER,
@@ -120,12 +121,11 @@ class Goal(CancellableGoal):
 
     def accepted(self, now: float) -> list[fx.Effect]:
         """A server answered that it accepts the goal."""
+        if not self.in_flight:
+            return []
         facts = self.facts
         facts.yeses += 1
         facts.servers = max(facts.servers, facts.yeses)  # one of them was not visible yet
-        if self.stage is Stage.OVER:
-            # A second server on the name accepted what the first refused or finished (R14).
-            return [fx.AskCancel()]
         if self._unproven:
             return self._shown(now)
         if facts.servers == 1:
@@ -136,6 +136,21 @@ class Goal(CancellableGoal):
             facts.over, self._terminal_seen = False, None
         cancel: list[fx.Effect] = [fx.AskCancel()] if self.unwanted else []
         return [fx.AskResult(anew=True), *cancel]
+
+    def taken_back(self, facts: GoalFacts, servers: int, now: float) -> list[fx.Effect]:
+        """Another server has accepted a goal that was over here: it is cancelled there (R14).
+
+        It was released. `facts` are what is known of it, and so many `servers` may have it.
+        """
+        self.facts, self.settled = facts, True
+        facts.accepted, facts.yeses = True, facts.yeses + 1
+        facts.servers = max(facts.servers, servers, facts.yeses + facts.noes)
+        if facts.ended and not facts.runs_seen:
+            self.stage = Stage.OVER  # the acceptance of the server that has ended it came late
+            return self._release()
+        facts.over = facts.lost = facts.left = facts.told = facts.refused = False
+        self.stage, self.cancelled_at, self._shown_at = Stage.ELSEWHERE, now, now
+        return [fx.AskCancel(), fx.AskResult(anew=True), self._arm_reask(now)]
 
     def _shown(self, now: float) -> list[fx.Effect]:
         """The server has the goal: it said so, or sent something that proves it."""
@@ -231,6 +246,7 @@ class Goal(CancellableGoal):
         own: bool = True,
         everybody: bool = True,
         ends: int = 1,
+        answers: float = math.inf,
     ) -> list[fx.Effect]:
         """A server answered the request for the result.
 
@@ -243,11 +259,14 @@ class Goal(CancellableGoal):
             own: Whether a server that the goal was sent to is in sight (C5.7).
             everybody: Whether each server in sight has answered this request.
             ends: How many answered it with a terminal state, including this one.
+            answers: How many servers have answered it: one that has accepted the goal may not be in
+                sight yet.
         """
         if not self.in_flight:
             return []
         facts = self.facts
         # A server that is just accepting the goal answers as if it did not know it (R12).
+        everybody = everybody and answers >= facts.servers - facts.away
         everybody = everybody and (facts.servers == 1 or asked_at >= self._shown_at + DOUBT)
         if status is None:
             return self._unknown(now, asked_at, own=own, everybody=everybody)

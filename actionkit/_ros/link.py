@@ -7,6 +7,7 @@ happens on the communication thread.
 from __future__ import annotations
 
 import uuid
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
@@ -69,8 +70,9 @@ class Link:
             on_cancel_sent=lambda key: self._listeners[key].on_cancel_sent(),
         )
         window = self._requests.cancel_window
-        self.orphans = self._requests.orphans
-        """The goals that have ended here and are being cancelled on other servers."""
+        self.on_accepted_late: Callable[[int, Any], object] = lambda seq, kept: None
+        """Called if a server accepts a forgotten goal: with the number of the goal's request, and
+        what `forget` was told to keep."""
         self._status = StatusWatch(
             runtime,
             self._entities,
@@ -147,11 +149,14 @@ class Link:
         self._listeners[key] = listener
         return self.monitor.goal_sent(key)
 
-    def follow_goal(self, listener: GoalListener) -> int:
-        """Follow a goal that somebody else has sent; return how many servers may have it."""
+    def follow_goal(self, listener: GoalListener, request: int | None = None) -> int:
+        """Follow a goal that somebody else has sent; return how many servers may have it.
+
+        With `request`, it was sent here by the request with this number, and was forgotten.
+        """
         key = listener.goal_id.bytes
         self._feedback.start()
-        self._requests.follow(key)
+        self._requests.follow(key, request)
         self._listeners[key] = listener
         return self.monitor.goal_sent(key)
 
@@ -190,18 +195,17 @@ class Link:
         """Tell all goals what the status topic shows about them, while there are any."""
         self._status.start()
 
-    def forget(self, listener: GoalListener, *, abandoned: bool, finished: bool) -> None:
+    def forget(self, listener: GoalListener, keep: Any = None) -> None:
         """Tell the listener nothing more, and free what its goal held (R16).
 
-        `abandoned` means that the goal is left running on purpose, `finished` that a server has
-        sent its result.
+        With `keep`, `on_accepted_late` is called with it if another server accepts the goal later.
         """
         key = listener.goal_id.bytes
         self._outbox.discard(key)
         if self._listeners.pop(key, None) is None:
             return
         self.monitor.forget(key)
-        self._requests.forget(key, abandoned=abandoned, finished=finished)
+        self._requests.forget(key, keep)
         if not self._listeners:
             self._status.stop()
             self._feedback.stop()
@@ -301,8 +305,9 @@ class Link:
         self.liveness.heard()
         key = self._requests.goal_answered(seq, accepted=response.accepted)
         if key is None:
-            return
-        if response.accepted:
+            if response.accepted and (kept := self._requests.released(seq)) is not None:
+                self.on_accepted_late(seq, kept)
+        elif response.accepted:
             self._listeners[key].on_accepted()
         else:
             self._listeners[key].on_rejected()
@@ -312,7 +317,8 @@ class Link:
         state = STATES.get(response.status)
         ended = state is not None and state.is_terminal
         outdated = self._requests.is_outdated(seq)
-        key, asked_at, everybody, ends = self._requests.answered("result", seq, knows=ended)
+        answered = self._requests.answered("result", seq, knows=ended)
+        key, asked_at, everybody, ends, answers = answered
         if key is None:
             return
         if state is None and not everybody and self.readiness.count > 1:
@@ -329,7 +335,13 @@ class Link:
         if state is None or ended:
             everybody = everybody and not outdated
             listener.on_result(
-                state, response.result, asked_at, outdated=outdated, everybody=everybody, ends=ends
+                state,
+                response.result,
+                asked_at,
+                outdated=outdated,
+                everybody=everybody,
+                ends=ends,
+                answers=answers,
             )
         # A state in which a goal goes on is not an answer: the result is requested again.
 
@@ -348,7 +360,6 @@ class Link:
         if elsewhere and not answered.everybody:
             self.monitor.restarts.start()
             return
-        self.orphans.answered(seq, canceling, over=answer is CancelAnswer.TERMINATED)
         if answered.key is not None:
             self._listeners[answered.key].on_cancel_answer(answer, answered.sent_at)
 

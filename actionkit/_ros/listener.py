@@ -43,6 +43,7 @@ class GoalListener(Protocol):
         outdated: bool = False,
         everybody: bool = True,
         ends: int = 1,
+        answers: int = 1,
     ) -> None:
         """The server answered a request for the result.
 
@@ -53,6 +54,7 @@ class GoalListener(Protocol):
             outdated: Whether the goal was unknown at that time but may be known now.
             everybody: Whether each server in sight has answered this request.
             ends: How many answered it with a state in which the goal ended.
+            answers: How many servers have answered it.
         """
 
     def on_cancel_sent(self) -> None: ...

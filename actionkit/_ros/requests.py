@@ -18,7 +18,6 @@ from unique_identifier_msgs.msg import UUID
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.cancels import CancelQueue, CancelWindow
 from actionkit._ros.entities import Entities
-from actionkit._ros.orphans import OrphanedGoals
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.readiness import UNNAMED
 from actionkit._ros.wait_set import Source
@@ -31,6 +30,8 @@ _ASKS_AT_ONCE = 4
 """Repeated result requests at once: half of a server's queue (R3), because others ask, too."""
 _ASK_PAUSE = 0.01
 """Seconds between two such groups; a live server has answered the earlier group by then."""
+_REMEMBERED = 256
+"""Released goals that another server may still accept: the newest, which are the most likely."""
 
 
 class Answered(NamedTuple):
@@ -40,6 +41,7 @@ class Answered(NamedTuple):
     sent_at: float = 0.0
     everybody: bool = False  # whether each server in sight has answered it by now
     knowing: int = 0  # how many say that the goal has ended or, for a cancel, know the goal
+    answers: int = 0  # how many servers have answered it by now
 
 
 class ServiceRequests:
@@ -79,8 +81,10 @@ class ServiceRequests:
         """How many servers have answered a request, and how many of these know the goal, while
         other servers have not answered yet."""
         self._made: dict[bytes, list[tuple[str, int]]] = {}  # all requests of each goal
-        self._accepted: dict[int, tuple[bytes, int]] = {}
-        """For each accepted request: the goal, and by how many servers; until it is forgotten."""
+        self._sent: dict[int, bytes] = {}
+        """For each goal request: the goal, until it is forgotten."""
+        self._released: OrderedDict[int, Any] = OrderedDict()
+        """For each goal request: what was given to `forget` about its goal."""
         self._asks: OrderedDict[bytes, None] = OrderedDict()  # results to be asked for again
         self._asking = False
         self._outdated: set[int] = set()
@@ -94,22 +98,11 @@ class ServiceRequests:
             send=self._send_goal_cancel,
             cancel_timer=runtime.cancel_timer,
         )
-        self.orphans = OrphanedGoals(
-            runtime,
-            action_name,
-            window=self.cancel_window,
-            count_servers=count_servers,
-            cancel=self._send_cancel,
-            on_change=lambda: self._sync("cancel"),
-        )
         unanswered = self._unanswered
         self._wanted: dict[str, tuple[Source, tuple[Sized, ...]]] = {
             "goal": (entities.goal, (unanswered["goal"],)),
             "result": (entities.result, (unanswered["result"],)),
-            "cancel": (
-                entities.cancel,
-                (unanswered["cancel"], self._probes, self.orphans.requests),
-            ),
+            "cancel": (entities.cancel, (unanswered["cancel"], self._probes)),
         }
         """Kind of answer -> its source, and the tables that say whether answers are awaited."""
 
@@ -123,10 +116,17 @@ class ServiceRequests:
         seq = self._entities.goal.send(request)
         self._made.setdefault(key, [])
         self._register("goal", key, seq)
+        self._sent[seq] = key
 
-    def follow(self, key: bytes) -> None:
-        """Allow requests about a goal that somebody else has sent."""
-        self._made.setdefault(key, [])
+    def follow(self, key: bytes, request: int | None = None) -> None:
+        """Allow requests about a goal that somebody else has sent.
+
+        With `request`, it was sent here by the request with this number, and was forgotten.
+        """
+        made = self._made.setdefault(key, [])
+        if request is not None:
+            made.append(("goal", request))
+            self._sent[request] = key
 
     def ask_result(self, key: bytes, *, supersedes_earlier: bool = False) -> None:
         """Ask for a sent goal's result; at once the first time, later at a limited rate.
@@ -156,40 +156,39 @@ class ServiceRequests:
         self._sync("cancel")
         return seq
 
-    def forget(self, key: bytes, *, abandoned: bool, finished: bool) -> None:
+    def forget(self, key: bytes, keep: Any = None) -> None:
         """Free what a sent goal's requests hold (R16).
 
-        `abandoned` means that the goal is left running on purpose. Otherwise it is cancelled if
-        another server runs it (R14). `finished` means that a server has sent its result.
+        With `keep`, `released` returns that later: another server may still accept the goal (R14).
         """
         self._asks.pop(key, None)
         self.cancels.stop(key)
-        accepted: dict[int, int] = {}
         for what, seq in self._made.pop(key, ()):
             self._unanswered[what].pop(seq, None)
             self._heard.pop((what, seq), None)
             if what == "result":
                 self._outdated.discard(seq)
             elif what == "goal":
-                accepted[seq] = self._accepted.pop(seq, (b"", 0))[1]
-        if not abandoned:
-            # If packets are lost, an acceptance may come after the result.
-            pending = finished and not any(accepted.values())
-            for seq, servers in accepted.items():
-                self.orphans.ended(seq, key, accepted=servers, pending=pending)
+                del self._sent[seq]
+                if keep is not None:
+                    self._released[seq] = keep
+        if len(self._released) > _REMEMBERED:
+            self._released.popitem(last=False)
         for what in self._unanswered:
             self._sync(what)
 
+    def released(self, seq: int) -> Any:
+        """Return what `forget` kept about the goal of this request, once; else `None`."""
+        return self._released.pop(seq, None)
+
     def server_came(self) -> None:
-        """Handle that a new server is ready: goals that ended here may run on it (R14)."""
-        self.orphans.server_came()
+        """Handle that a new server is ready: it may have accepted goals that ended here (R14)."""
         self._sync("goal")
 
     def close(self) -> None:
         """Send nothing more."""
         self._closed = True
         self.cancels.close()
-        self.orphans.close()
 
     def _ask_soon(self) -> None:
         if self._asks and not self._asking:
@@ -253,7 +252,7 @@ class ServiceRequests:
             self._sync(what)
         else:
             self._heard[what, seq] = heard, knowing
-        return Answered(key, sent_at, everybody, knowing)
+        return Answered(key, sent_at, everybody, knowing, heard)
 
     def is_outdated(self, seq: int) -> bool:
         """Whether more has become known of a goal since its result was asked for.
@@ -264,16 +263,12 @@ class ServiceRequests:
         return seq in self._outdated
 
     def goal_answered(self, seq: int, *, accepted: bool) -> bytes | None:
-        """Count the answer to a goal request; return the goal's id, `None` if it was forgotten."""
+        """Count the answer to a goal request; return the goal's id, `None` if it was forgotten.
+
+        A server that is not in sight yet may accept a goal after all others have answered.
+        """
         key = self.answered("goal", seq).key
-        if not accepted:
-            return key
-        before, servers = self._accepted.get(seq, (key, 0))
-        if before is None:
-            self.orphans.accepted_late(seq)
-        else:
-            self._accepted[seq] = before, servers + 1
-        return before
+        return self._sent.get(seq) if accepted else key
 
     def cancel_answered(
         self, seq: int, answer: CancelAnswer, *, elsewhere: bool = False
@@ -309,7 +304,8 @@ class ServiceRequests:
     def _sync(self, what: str) -> None:
         """Wait only for answers that are wanted: so an idle client never wakes up."""
         source, wanted = self._wanted[what]
-        if any(wanted) or (what == "goal" and self.orphans.awaited):
+        late = what == "goal" and bool(self._released) and self._count_servers() > 1
+        if late or any(wanted):
             self._runtime.enable(source)
         else:
             self._runtime.disable(source)
@@ -321,10 +317,9 @@ class ServiceRequests:
             **sizes,
             "sent": len(self._made),
             "heard": len(self._heard),
-            "accepted": len(self._accepted),
+            "goals sent": len(self._sent),
             "asks": len(self._asks) + len(self._outdated),
             "cancels": len(self.cancels),
-            "orphans": len(self.orphans) + len(self.orphans.requests),
         }
 
 

@@ -32,6 +32,7 @@ from actionkit._calls.attempt import Attempt
 from actionkit._calls.call import Call
 from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.request import Request
+from actionkit._goal.facts import GoalFacts
 from actionkit._goal.stages import DOUBT
 from actionkit._model import errors
 from actionkit._model.cancel_answer import CancelAnswer
@@ -149,10 +150,10 @@ class Link:
     def watch_status(self) -> None:
         pass
 
-    def forget(self, listener: Attempt, *, abandoned: bool, finished: bool) -> None:
+    def forget(self, listener: Attempt, keep: GoalFacts | None = None) -> None:
         key = listener.goal_id.bytes
         if self.listeners.pop(key, None) is not None:
-            self.life.note_forgotten(key, abandoned=abandoned, finished=finished)
+            self.life.note_forgotten(key, keep)
 
 
 class CallLife:
@@ -588,11 +589,10 @@ class CallLife:
         goal.server = max(self.link.in_sight)
         self.require(self.sends <= self.retry.attempts, "no more goals than attempts (C4.1)")
 
-    def note_forgotten(self, key: bytes, *, abandoned: bool, finished: bool) -> None:
-        left = abandoned or self.broke
-        self.require(
-            finished == self.goals[key].finished, "a late acceptance is known for what it is (R14)"
-        )
+    def note_forgotten(self, key: bytes, keep: GoalFacts | None) -> None:
+        left = keep is None or self.broke
+        if keep is not None and self.goals[key].finished:
+            self.require(keep.ends > 0, "a late acceptance is known for what it is (R14)")
         self.require(
             left or not self.goals[key].may_run, "a goal that may run is watched on (C2.4)"
         )

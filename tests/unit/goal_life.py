@@ -334,10 +334,7 @@ class Life:
             raise Broken(f"{promise}: {self.told}")
 
     def _carry_out(self, effect: Effect, event: str, args: Any) -> None:
-        late = event == "accepted" and isinstance(effect, AskCancel)
-        self._require(
-            not self.released or late, f"after Release nothing more is done, such as {effect}"
-        )
+        self._require(not self.released, f"after Release nothing more is done, such as {effect}")
         if isinstance(effect, Arm):
             self._require(effect.at >= self.now, "no timer is armed in the past")
             self.timers[effect.timer] = effect.at

@@ -38,11 +38,8 @@ class FakeSession:
     confirmed_at = 0.0
 
     def __init__(self, given_up_at: float) -> None:
-        self._given_up_at = given_up_at
+        self.given_up_at = given_up_at
         self.waited_until: list[float] = []
-
-    def given_up_at(self, orphans_at: float) -> float:
-        return self._given_up_at
 
     def await_freed(self, until: float) -> bool:
         self.waited_until.append(until)

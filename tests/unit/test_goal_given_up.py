@@ -288,7 +288,11 @@ def test_a_goal_whose_request_was_dropped_is_asked_for_less_and_less_and_forgott
     assert life.count(AskResult) < 15
     assert life.goal.facts.may_run  # it is told of as such, and nobody looks after it any more
     assert life.goal.facts.left
-    assert life.see("accepted") == [AskCancel()]
+    again = Goal(life.goal.facts.goal_id, Timeouts())
+    assert AskCancel() in again.taken_back(life.goal.facts, 1, life.now)
+    assert not again.facts.left
+    again.cancel_answered(CancelAnswer.ACCEPTED, 1000.0, asked_at=999.0)
+    assert again.result(GoalState.CANCELED, None, 1001.0, asked_at=1000.0)[-1] == Release()
 
 
 def test_a_goal_of_a_server_that_denied_it_and_fell_silent_is_not_forgotten() -> None:

@@ -29,6 +29,7 @@ from actionkit._goal.effects import (
     Timer,
     WatchStatus,
 )
+from actionkit._goal.facts import GoalFacts
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import DOUBT, LONGEST_RESULT_PAUSE, CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
@@ -196,11 +197,6 @@ def test_states_never_go_back() -> None:
         life.tell("status", state)
     assert life.states == [GoalState.SENT, *forth]
     assert life.goal.state is GoalState.CANCELING
-
-
-def test_a_second_acceptance_after_the_end_is_cancelled() -> None:
-    life = Life().after(*UNTIL_SENT, "rejected")
-    assert life.see("accepted") == [AskCancel()]  # by another server on the name (R14)
 
 
 # --- the server is not there -------------------------------------------------------------------
@@ -585,7 +581,45 @@ def test_what_a_third_server_accepts_after_two_have_ended_it_is_cancelled() -> N
     goal.result(GoalState.ABORTED, None, 1.0, asked_at=0.0, everybody=False)
     effects = goal.result(GoalState.ABORTED, 2, 1.0, asked_at=0.0, everybody=False, ends=2)
     assert effects == [LateResult(GoalState.ABORTED, 2), Release()]
-    assert goal.accepted(2.0) == [AskCancel()]
+    assert accepted_late(goal.facts, 2.0) == CANCELLED_ELSEWHERE
+
+
+CANCELLED_ELSEWHERE = [AskCancel(), AskResult(anew=True), Arm(Timer.REASK, 3.0)]
+
+
+def accepted_late(facts: GoalFacts, now: float) -> list[Effect]:
+    """A server accepts a goal that was released; two may have it."""
+    return Goal(facts.goal_id, Timeouts()).taken_back(facts, 2, now)
+
+
+def test_what_a_server_accepts_that_the_others_have_rejected_is_cancelled() -> None:
+    goal = sent_to(1)
+    assert goal.rejected(1.0)[-1] == Release()
+    assert accepted_late(goal.facts, 2.0) == CANCELLED_ELSEWHERE
+    assert goal.facts.known_to_run
+
+
+def test_the_late_acceptance_of_the_server_that_has_ended_it_takes_nothing_back() -> None:
+    """If packets are lost, it may come after the result."""
+    goal = sent_to(1)
+    assert goal.result(GoalState.SUCCEEDED, None, 1.0, asked_at=0.0)[-1] == Release()
+    assert accepted_late(goal.facts, 2.0) == [Release()]
+    assert goal.facts.known_to_run is False
+    assert accepted_late(goal.facts, 2.0) == CANCELLED_ELSEWHERE  # another server's
+
+
+def test_what_is_taken_back_is_not_over_before_each_server_that_accepted_it_has_answered() -> None:
+    """The one that has just accepted it may not be in sight yet."""
+    facts = sent_to(1, accepted=1).facts
+    facts.ended, facts.ends = True, 1
+    goal = Goal(facts.goal_id, Timeouts())
+    goal.taken_back(facts, 1, 2.0)
+    assert goal.result(None, None, 5.0, asked_at=4.0, answers=1) == []
+    assert facts.known_to_run
+    goal.servers_changed(1, 0)
+    assert goal.result(None, None, 5.0, asked_at=4.0, answers=1) == []
+    assert goal.result(None, None, 5.0, asked_at=4.0, answers=2) == [Release()]
+    assert facts.known_to_run is False
 
 
 @pytest.mark.parametrize(

@@ -217,12 +217,30 @@ def test_a_goal_s_way_and_what_is_left_of_it(world: World) -> None:
     world.link.ask_result(goal)
     world.result(4)
     assert goal.news() == ["accepted", "result"]
-    world.link.forget(goal, abandoned=False, finished=True)
+    world.link.forget(goal)
     assert not any(world.link.table_sizes().values())
     world.accept()
     world.result(4)
     world.serve()
     assert goal.news() == []
+
+
+def test_a_goal_that_is_accepted_after_its_end_is_told_of_once(world: World) -> None:
+    """Another server on the name has it, too (R14)."""
+    told = list[tuple[int, str]]()
+    world.link.on_accepted_late = lambda request, kept: told.append((request, kept))
+    world.serve(A)
+    goal = world.send()
+    world.accept()
+    world.link.forget(goal, "facts")
+    world.accept()
+    world.accept()
+    assert told == [(1, "facts")]
+    again = Listener(world.link)
+    world.link.follow_goal(again, 1)
+    world.accept()  # a third server
+    assert again.news() == ["accepted"]
+    world.link.forget(again)
 
 
 def test_a_server_that_has_sent_its_status_is_asked_at_once(world: World) -> None:
@@ -285,7 +303,7 @@ def test_a_goal_that_was_not_sent_or_is_forgotten_is_not_cancelled(world: World)
     goal = world.send()
     world.link.ask_cancel(goal, urgent=False)
     world.serve(A)
-    world.link.forget(goal, abandoned=False, finished=False)
+    world.link.forget(goal)
     asked = len(world.entities.cancel.sent)
     world.link.ask_cancel(goal, urgent=False)
     world.advance(10.0)
@@ -348,7 +366,7 @@ def test_the_status_that_came_before_a_result_is_read_first(world: World) -> Non
     world.entities.status.queue.append(status_array([(goal.goal_id.bytes, 3)]))
     world.result(5)
     assert goal.news() == ["status", "result"]
-    world.link.forget(goal, abandoned=False, finished=True)
+    world.link.forget(goal)
 
 
 def test_of_two_servers_one_that_does_not_know_a_goal_proves_nothing(world: World) -> None:

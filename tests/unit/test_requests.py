@@ -92,7 +92,7 @@ def test_a_forgotten_goal_leaves_nothing_behind(requests: ServiceRequests, threa
     requests.ask_result(KEY)
     requests.ask_result(KEY, supersedes_earlier=True)
     requests.cancels.ask(KEY)
-    requests.forget(KEY, abandoned=False, finished=False)
+    requests.forget(KEY)
     requests.ask_result(KEY)
     thread.advance(1.0)
     assert not any(requests.table_sizes().values())
@@ -122,9 +122,6 @@ def test_unheard_is_since_the_first_that_was_not_answered(
     assert requests.unheard_since == thread.now() - 1.0
     requests.heard()
     assert requests.unheard_since is None
-    thread.servers = 2
-    requests.forget(KEY, abandoned=False, finished=False)  # a cancel request more
-    assert requests.unheard_since == thread.now()
 
 
 def test_a_second_server_that_accepts_a_goal_is_told_of_also_one_that_was_not_in_sight(
@@ -132,9 +129,15 @@ def test_a_second_server_that_accepts_a_goal_is_told_of_also_one_that_was_not_in
 ) -> None:
     assert requests.goal_answered(1, accepted=True) == KEY
     assert requests.goal_answered(1, accepted=True) == KEY
-    requests.forget(KEY, abandoned=False, finished=False)
-    assert not requests.orphans.confirmed  # the owner of the goal has handled both
+    requests.forget(KEY)
     assert not any(requests.table_sizes().values())
+
+
+def test_a_server_that_is_not_in_sight_yet_may_accept_what_all_others_have_rejected(
+    requests: ServiceRequests,
+) -> None:
+    assert requests.goal_answered(1, accepted=False) == KEY
+    assert requests.goal_answered(1, accepted=True) == KEY
 
 
 def test_an_answer_counts_for_everybody_when_each_server_has_given_one(
@@ -171,7 +174,7 @@ def test_late_acceptances_are_waited_for_where_there_are_several_servers(
     requests: ServiceRequests, thread: Thread, goal_source: object
 ) -> None:
     requests.goal_answered(1, accepted=True)
-    requests.forget(KEY, abandoned=False, finished=False)
+    requests.forget(KEY, "kept")
     assert goal_source not in thread.sources  # an idle client costs no turn
     thread.servers = 2
     requests.server_came()
@@ -180,30 +183,39 @@ def test_late_acceptances_are_waited_for_where_there_are_several_servers(
     requests.goal_answered(2, accepted=False)
     assert goal_source in thread.sources
     thread.servers = 1
-    requests.forget(bytes(16), abandoned=False, finished=False)
+    requests.forget(bytes(16), "kept")
     assert goal_source not in thread.sources
 
 
-@pytest.mark.parametrize("finished", [True, False])
-def test_an_acceptance_that_comes_after_the_result_is_that_servers(
-    requests: ServiceRequests, finished: bool
+@pytest.mark.parametrize("again", [False, True])
+def test_the_late_acceptance_of_a_forgotten_goal_is_told_of_once(
+    requests: ServiceRequests, again: bool
 ) -> None:
-    requests.forget(KEY, abandoned=False, finished=finished)
-    requests.goal_answered(1, accepted=True)
-    assert requests.orphans.confirmed == (not finished)
-    requests.goal_answered(1, accepted=True)
-    assert requests.orphans.confirmed
+    requests.forget(KEY, "kept")
+    assert requests.goal_answered(1, accepted=True) is None
+    assert requests.released(1) == "kept"
+    assert requests.released(1) is None
+    if again:
+        requests.follow(KEY, 1)  # now its owner hears of a third server, too
+        assert requests.goal_answered(1, accepted=True) == KEY
 
 
-def test_a_goal_that_was_abandoned_is_never_cancelled(
-    requests: ServiceRequests, thread: Thread
+def test_nothing_is_kept_of_a_goal_that_was_left_running(
+    requests: ServiceRequests, thread: Thread, goal_source: object
 ) -> None:
     thread.servers = 2
-    requests.forget(KEY, abandoned=True, finished=False)
-    requests.goal_answered(1, accepted=True)
+    requests.forget(KEY)
+    assert requests.released(1) is None
     requests.server_came()
-    thread.advance(1.0)
-    assert requests.unheard_since is None  # nothing was asked of anybody
+    assert goal_source not in thread.sources
+
+
+def test_the_newest_that_were_forgotten_are_kept(requests: ServiceRequests) -> None:
+    for number in range(1000):
+        requests.send_goal(number.to_bytes(16, "big"), object())
+        requests.forget(number.to_bytes(16, "big"), number)
+    kept = [requests.released(2 + number) for number in range(1000)]
+    assert [number for number in kept if number is not None] == list(range(1000 - 256, 1000))
 
 
 @pytest.mark.parametrize("server", ["there", "lost", "back"])

@@ -2,41 +2,67 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 import uuid
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
-from actionkit import RetryBudget, RetryPolicy, Timeouts, retry_aborted
+from actionkit import GoalState, RetryBudget, RetryPolicy, Timeouts, retry_aborted
+from actionkit._calls.attempt import Attempt, CallForgotten
 from actionkit._calls.closing import end_calls
 from actionkit._calls.left_running import LINGER
 from actionkit._calls.request import Request
 from actionkit._calls.session import Session, open_sessions
+from actionkit._goal.facts import GoalFacts
+from actionkit._goal.stages import CancelReason
 from actionkit._threads.pool import Pool
 from tests.unit.clock import Clock
 
 
-class Orphans:
-    """Goals that are being cancelled on a second server, or not."""
+class Link:
+    """Two servers, both of which have the goals."""
 
-    confirmed = True
-    on_none_confirmed: Any
+    others_confirmed_at = -math.inf
+
+    def __init__(self, runtime: Clock) -> None:
+        self.runtime = runtime
+        self.cancelled: list[uuid.UUID] = []
+        self.forgotten: list[GoalFacts | None] = []
+
+    def send_goal(self, *_: object) -> int:
+        return 2
+
+    follow_goal = send_goal
+
+    def ask_cancel(self, attempt: Attempt, *, urgent: bool) -> None:
+        self.cancelled.append(attempt.goal_id)
+
+    def sees_server_of(self, attempt: Attempt) -> bool:
+        return True
+
+    def forget(self, attempt: Attempt, keep: GoalFacts | None) -> None:
+        self.forgotten.append(keep)
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        return lambda *_, **__: None
 
 
 class World(Clock):
-    """A session over a port on which nothing is in flight."""
+    """A session over a port; with `late`, a second server accepts a goal after its end."""
 
-    def __init__(self, on_close: str = "cancel") -> None:
+    def __init__(self, on_close: str = "cancel", *, late: bool = True) -> None:
         super().__init__()
         self.time = time.monotonic()
-        self.orphans = Orphans()
+        self.link = Link(self)
         self.freed = threading.Event()
         self.port = SimpleNamespace(
             identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm", label=""),
-            link=SimpleNamespace(orphans=self.orphans, runtime=self, send_goal=lambda *_: 1),
+            link=self.link,
             freed=self.freed,
             free=self.freed.set,
             decode_feedback=None,
@@ -54,21 +80,71 @@ class World(Clock):
             why_unusable=lambda: "",
         )
         self.session = Session(self.port, on_close, 1.0)  # type: ignore[arg-type]
+        self.facts = GoalFacts(uuid.uuid4(), accepted=True, yeses=1, ended=True, ends=1, over=True)
+        if late:
+            self.accepted_late()
+
+    def accepted_late(self) -> None:
+        self.link.on_accepted_late(1, self.facts)
+
+    @property
+    def attempt(self) -> Attempt:
+        watched = self.session.watched(self.facts.goal_id)
+        assert watched is not None
+        return watched
+
+    def both_answer(self) -> None:
+        """Both servers have ended the goal."""
+        self.attempt.on_result(GoalState.CANCELED, None, self.time + 1.0, ends=2)
+
+
+def test_a_goal_that_a_second_server_accepts_after_its_end_is_cancelled_and_watched() -> None:
+    world = World(late=False)
+    assert world.facts.known_to_run is False
+    world.accepted_late()
+    assert world.link.cancelled == [world.facts.goal_id]
+    assert world.facts.known_to_run is True
+    assert world.session.take_untold() == [("/arm", world.facts.goal_id)]
+    world.advance(1.0)
+    assert len(world.link.cancelled) == 2  # until it is known to have stopped
+    world.both_answer()
+    assert world.facts.known_to_run is False
+    assert world.session.watched(world.facts.goal_id) is None
+    assert world.link.forgotten == [world.facts]  # a third server may accept it, too
+    world.session.release()
+    assert len(world.queue) == 0
+
+
+def test_whoever_has_attached_to_a_goal_that_is_accepted_late_decides_what_happens_to_it() -> None:
+    world = World()
+    attempt = world.attempt
+    world.accepted_late()
+    assert world.attempt is attempt
+    assert world.facts.yeses == 3
+    world.session._free()
+
+
+def test_a_goal_that_is_left_on_purpose_is_not_cancelled_elsewhere() -> None:
+    world = World(late=False)
+    link: Any = world.link
+    attempt = Attempt(link, uuid.uuid4(), Timeouts(), CallForgotten(), on_change=lambda _: None)
+    attempt.send(object())
+    attempt.start()
+    attempt.give_up(CancelReason.CLOSED, abandon=True)
+    assert world.link.forgotten == [None]
 
 
 def test_it_stays_while_goals_are_cancelled_on_a_second_server() -> None:
     world = World()
     world.session.release()
     assert not world.freed.is_set()
-    world.orphans.confirmed = False
-    world.orphans.on_none_confirmed()
+    world.both_answer()
     assert world.freed.is_set()
 
 
 def test_but_not_for_ever() -> None:
     world = World()
     world.session.release()
-    world.orphans.on_none_confirmed()
     assert not world.freed.is_set()
     assert world.session in open_sessions
     world.advance(LINGER + 1)
@@ -77,10 +153,7 @@ def test_but_not_for_ever() -> None:
 
 
 def test_nothing_keeps_it_otherwise() -> None:
-    world = World()
-    world.orphans.confirmed = False
-    world.orphans.on_none_confirmed()  # while it is in use
-    assert not world.freed.is_set()
+    world = World(late=False)
     world.session.release()
     assert world.freed.is_set()
 
@@ -91,7 +164,7 @@ def test_closing_does_not_wait_after_ctrl_c_has_ended_such_a_wait() -> None:
     worlds[1].session.interrupted_at = time.monotonic()
     first, second = (end_calls([world.session]) for world in worlds)
     for world in worlds:
-        world.advance(LINGER + 1)
+        world.advance(LINGER + 10)
         assert world.freed.is_set()
     assert (first > 0, second) == (True, 0)
 
@@ -99,7 +172,7 @@ def test_closing_does_not_wait_after_ctrl_c_has_ended_such_a_wait() -> None:
 @pytest.mark.parametrize(("on_close", "waits"), [("cancel", False), ("abandon", True)])
 def test_goals_are_let_run_only_when_nobody_has_heard_of_ctrl_c(on_close: str, waits: bool) -> None:
     """rclpy's handler shuts ROS down before a blocking call hears of Ctrl-C (C2.5)."""
-    world, closed = World(on_close), list[bool]()
+    world, closed = World(on_close, late=False), list[bool]()
 
     class InFlight:
         def close(self, *, abandon: bool, because: str) -> None:
@@ -112,7 +185,6 @@ def test_goals_are_let_run_only_when_nobody_has_heard_of_ctrl_c(on_close: str, w
     world.advance(1.0)
     assert closed == [waits]
     world.session.calls.clear()
-    world.orphans.confirmed = False
     world.session.release()
     assert world.session not in open_sessions
 
@@ -121,16 +193,14 @@ def test_what_was_freed_is_held_by_no_timer() -> None:
     """Else each closed client stays in memory for as long as its timer runs."""
     world = World()
     world.session.release()
-    assert len(world.queue) == 1
-    world.orphans.confirmed = False
-    world.orphans.on_none_confirmed()
+    assert len(world.queue) == 2  # of the session, and of the goal
+    world.both_answer()
     assert world.freed.is_set()
     assert len(world.queue) == 0
 
 
 def test_what_is_freed_at_once_arms_no_timer() -> None:
-    world = World()
-    world.orphans.confirmed = False
+    world = World(late=False)
     world.session.release()
     assert world.freed.is_set()
     assert len(world.queue) == 0

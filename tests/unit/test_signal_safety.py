@@ -207,7 +207,7 @@ class Port(SimpleNamespace):
         freed = Flag()
         super().__init__(
             identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm", label=""),
-            link=SimpleNamespace(orphans=SimpleNamespace(confirmed=False)),
+            link=SimpleNamespace(),
             runtime=SimpleNamespace(
                 failure=None,
                 was_shut_down=False,

@@ -400,10 +400,10 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "a goal that is left on purpose is cancelled on a second server",
-        "_ros/requests.py",
-        "        if not abandoned:\n",
-        "        if True:\n",
-        ("unit/test_requests.py::test_a_goal_that_was_abandoned_is_never_cancelled",),
+        "_calls/attempt.py",
+        "keep=None if self.goal.abandoned else self.goal.facts",
+        "keep=self.goal.facts",
+        ("unit/test_session.py::test_a_goal_that_is_left_on_purpose_is_not_cancelled_elsewhere",),
     ),
     Mutant(
         "C1.10",

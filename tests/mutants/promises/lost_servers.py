@@ -227,11 +227,29 @@ MUTANTS = (
     Mutant(
         "C5.6",
         "a second server that accepts a goal after its end is not asked to cancel it",
-        "_ros/orphans.py",
-        "        if not pending:\n            self._confirm(",
-        "        if pending:\n            self._confirm(",
+        "_goal/machine.py",
+        "Stage.ELSEWHERE, now, now\n        return [fx.AskCancel(), ",
+        "Stage.ELSEWHERE, now, now\n        return [",
         (
-            "unit/test_orphans.py::test_what_ended_on_one_server_is_cancelled_where_it_is_accepted_late",
+            "unit/test_goal_machine.py::test_what_a_third_server_accepts_after_two_have_ended_it_is_cancelled",
+        ),
+    ),
+    Mutant(
+        "C5.6",
+        "nobody hears of a server that accepts a goal after its end",
+        "_ros/requests.py",
+        "                    self._released[seq] = keep\n",
+        "                    pass\n",
+        ("unit/test_link.py::test_a_goal_that_is_accepted_after_its_end_is_told_of_once",),
+    ),
+    Mutant(
+        "C5.6",
+        "a goal counts as over before a server that is not in sight yet has told its end",
+        "_goal/machine.py",
+        "        everybody = everybody and answers >= facts.servers - facts.away\n",
+        "",
+        (
+            "unit/test_goal_machine.py::test_what_is_taken_back_is_not_over_before_each_server_that_accepted_it_has_answered",
         ),
     ),
     Mutant(
