@@ -344,3 +344,27 @@ main([])
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "\nInterrupted.\n")
+
+
+def test_ctrl_c_in_a_task_prints_no_traceback() -> None:
+    """asyncio tells of the task that got it, too."""
+    program = """
+import asyncio, os, signal
+import actionkit.cli._app as app
+from actionkit.cli import main
+from actionkit.cli._shared import early
+async def is_interrupted():
+    os.kill(os.getpid(), signal.SIGINT)
+async def run():
+    task = asyncio.create_task(is_interrupted())
+    await asyncio.sleep(60)
+def command(arguments):
+    with early.remembered():
+        asyncio.run(run())
+app.run = command
+main([])
+"""
+    done = forked.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "\nInterrupted.\n")

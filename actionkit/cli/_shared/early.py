@@ -47,6 +47,8 @@ def be_quiet() -> None:
     """Print no warnings about what is left half-made, such as an event loop or a module."""
     sys.unraisablehook = lambda _: None
     warnings.simplefilter("ignore")
+    if (log := sys.modules.get("asyncio.log")) is not None:
+        log.logger.disabled = True  # of a task that Ctrl-C has ended, it prints a traceback
 
 
 def _remember(number: int, frame: FrameType | None) -> None:
