@@ -4,6 +4,7 @@
 for users, and may change in any release. Besides what is below, it has:
 
 - `Classify`, `check_classify`: the type of `classify=`, and its check.
+- `blocks_another`: whether no other goal may be sent beside those of a call.
 - `in_thread`: await a function that blocks. `unless_by_anyio`: wait in a cancelled task.
 - `log_later`, `log_own_error`: log without blocking.
 - `name_those_left`: name the goals of a call that may run.
@@ -27,6 +28,7 @@ from actionkit._calls.drivers import in_thread, unless_by_anyio
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.ledger.chosen import usual_path as usual_ledger
 from actionkit._calls.left_running import mute
+from actionkit._calls.replacing import blocks_another
 from actionkit._calls.still_running import name_those_left
 from actionkit._client import Client
 from actionkit._leftovers.ledger import unfinished as unfinished_goals
@@ -38,12 +40,12 @@ from actionkit._threads.diagnostics import log_later, log_own_error
 
 __all__ = [
     "Classify",
+    "blocks_another",
     "check_classify",
     "client_in_domain",
     "close_together",
     "end_at_exit",
     "in_thread",
-    "is_lost_with_server",
     "log_later",
     "log_own_error",
     "mute",
@@ -105,11 +107,6 @@ def prepare_call(
     arguments = goal, on_feedback, timeout, retry, classify, before_resend
     call = client._prepare(*arguments, replaces=preempts, preempt=preempts is not None)
     return call.future, partial(client._session.begin, call)
-
-
-def is_lost_with_server(future: GoalFuture[Any, Any]) -> bool:
-    """Return whether the call is over, and its goals that may run were lost with their servers."""
-    return future.done() and future._call.goals.gone
 
 
 def close_together(

@@ -136,7 +136,7 @@ class Call:
 
     def _strike_out(self) -> None:
         """Remove the call from the ledger if none of its goals may run."""
-        left = self.machine.abandoned or self.goals.stopped
+        left = self.machine.abandoned or not self.goals.block_another()
         if self._ledger is not None and self._settled and left:
             self._ledger._remove_soon(self._call_id)
             self._ledger = None

@@ -48,10 +48,9 @@ class GoalsOfCall:
         """The ids of the goals that may run, oldest first (C2.8)."""
         return tuple(goal.goal_id for goal in self.facts_left)
 
-    @property
-    def stopped(self) -> bool:
-        """Whether it is certain that no server runs any of them, or will accept it."""
-        return all(goal.is_over for goal in self._goals)
+    def block_another(self, **unless: bool) -> bool:
+        """Whether no other goal may be sent beside them, as in `GoalFacts.blocks_another`."""
+        return any(goal.blocks_another(**unless) for goal in self._goals)
 
     @property
     def accepted(self) -> bool:
@@ -62,11 +61,6 @@ class GoalsOfCall:
     def others_cancel(self) -> bool:
         """Whether somebody else was seen to cancel one of them (C4.4)."""
         return any(goal.others_cancel for goal in self._goals)
-
-    @property
-    def gone(self) -> bool:
-        """Whether each goal that may run was lost with a server that has left the graph."""
-        return all(goal.is_lost_with_server for goal in self.facts_left)
 
     def left(self) -> GoalsOfCall:
         """Return the goals that are not known to have stopped."""

@@ -60,7 +60,6 @@ class AttemptView(Protocol):
 LONGEST_LEASE = 30.0
 """Seconds until a process that has died has left the graph. After a crash, Fast DDS shows it for
 20 s."""
-_OTHERS_CANCEL = "somebody else has cancelled it"
 _GIVEN_UP = (fx.End.CANCELLED_BY_CALLER, fx.End.CLOSED)
 _STOPPED = (fx.End.REJECTED, fx.End.ABORTED, fx.End.CANCELED_BY_OTHER)
 """How the server ends a goal that it replaces by another one."""
@@ -109,7 +108,7 @@ class CallMachine:
         self._held_up = False  # a server is ready, and an earlier goal may run
         self._new_id = new_id
         self._replacement: CallMachine | None = None  # the call that replaces this one
-        self.previous: AttemptView | None = None  # the last attempt that has ended
+        self.previous: AttemptView | None = None  # the latest one with an end that is known
         self._last: fx.Ending | None = None  # its end, after the verdict
 
     def use_ids(self, id_of: Callable[[int], uuid.UUID]) -> None:
@@ -130,9 +129,8 @@ class CallMachine:
     def _allows_another(self, earlier: AttemptView) -> bool:
         if self._resend == "always":
             return True
-        facts = earlier.goal.facts
-        if not facts.is_over:
-            return self._resend == "server_gone" and facts.is_lost_with_server
+        if earlier.goal.facts.blocks_another(unless_gone=self._resend == "server_gone"):
+            return False
         # A goal that ended by itself is not sent again while its result may come (C4.3).
         ended_as = earlier.goal.awaits_result_of
         return ended_as is None or (ended_as is GoalState.CANCELED and earlier.cancel_is_ours)
@@ -252,8 +250,8 @@ class CallMachine:
             return []
         if self.unwanted and not self._attaches:  # `cancel` is about to run on this thread
             return self.give_up(CancelReason.CANCELLED)
-        if self._is_ended_by_others:
-            return self._end_for_others()
+        if effects := self._end_for_others():
+            return effects
         if self._is_late(now) or not self.may_send():
             self.phase = Phase.WAITING
             in_doubt = not all(each.goal.facts.is_over for each in self.earlier)
@@ -276,10 +274,9 @@ class CallMachine:
             return self._end(replace(self._last, not_retried="the pause reached the deadline"))
         if self.phase is not Phase.WAITING:
             return []
-        if self._is_ended_by_others:
-            return self._end_for_others()
-        waited = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
-        effects: list[cx.Effect] = [waited, cx.StopRetrying()]
+        if effects := self._end_for_others():
+            return effects
+        effects = [fx.Record(GoalState.TIMED_OUT, "waiting for a server"), cx.StopRetrying()]
         # If it had a server before, it continues with the ending from that server (C2.7).
         late, in_flight = self._is_late(now), bool(self.goals.may_run)
         if self.previous is not None and (in_flight or not late):
@@ -334,7 +331,7 @@ class CallMachine:
         if self.phase is Phase.CONFIRMING:
             self.ending = None
             effects.append(cx.StopAwaiting())
-        self.goal_id = attempt.goal_id
+        self.previous, self.goal_id = attempt, attempt.goal_id
         rejected = state is GoalState.REJECTED
         end = fx.End.CANCELED_BY_OTHER if canceled else fx.End[state.name]
         return effects + self._judge(fx.Ending(end, state, result=result, rejected=rejected))
@@ -359,11 +356,11 @@ class CallMachine:
         if verdict is not Verdict.TRANSIENT or ending.end is fx.End.CANCELED_BY_OTHER:
             return effects + self._end(ending)
         effects.append(cx.Count(success=False))
+        if end := self._end_for_others():
+            return effects + end
         why = "its caller no longer wants it" if self.unwanted else self.closing
         if self._replacement is not None:
             why = "its caller has sent another goal in its place"
-        if self.goals.others_cancel:
-            why = _OTHERS_CANCEL
         if why:
             return effects + self._end(replace(ending, not_retried=why))
         self.cause = error or RejectedByClassifier()
@@ -381,18 +378,14 @@ class CallMachine:
 
     def resume(self, now: float) -> list[cx.Effect]:
         """The pause is over."""
-        return self._end_for_others() if self._is_ended_by_others else self._try(now)
-
-    @property
-    def _is_ended_by_others(self) -> bool:
-        """Whether we learned only after the verdict that somebody else cancels a goal (C4.4)."""
-        return self._last is not None and self.goals.others_cancel
+        return self._end_for_others() or self._try(now)
 
     def _end_for_others(self) -> list[cx.Effect]:
-        assert self._last is not None
-        assert self.previous is not None
+        """End if somebody else was seen to cancel a goal, also after the verdict (C4.4)."""
+        if self._last is None or self.previous is None or not self.goals.others_cancel:
+            return []
         self.goal_id = self.previous.goal_id  # a new one may have been made since then
-        return self._end(replace(self._last, not_retried=_OTHERS_CANCEL))
+        return self._end(replace(self._last, not_retried="somebody else has cancelled it"))
 
     def _judge(self, ending: fx.Ending) -> list[cx.Effect]:
         if ending.end in _STOPPED and self._is_replaced:

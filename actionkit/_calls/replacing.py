@@ -56,10 +56,15 @@ def to_replace(earlier: AnyFuture | None) -> tuple[AnyFuture, ...]:
     return () if earlier is None else (earlier, *earlier._call.to_replace)
 
 
+def blocks_another(earlier: AnyFuture, **unless: bool) -> bool:
+    """Whether no other goal may be sent beside those of this call (`GoalFacts.blocks_another`)."""
+    # In this order: while a call is not over, it might send another goal.
+    return not earlier.done() or earlier._call.goals.block_another(**unless)
+
+
 def not_stopped(futures: Iterable[AnyFuture]) -> tuple[AnyFuture, ...]:
     """Return those calls that have a goal that may run, or may still send one."""
-    # In this order: while a call is not over, it might send another goal.
-    return tuple(one for one in futures if not (one.done() and one._call.goals.stopped))
+    return tuple(one for one in futures if blocks_another(one))
 
 
 class Replacing:

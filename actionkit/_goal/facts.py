@@ -51,8 +51,7 @@ class GoalFacts:
     def is_over(self) -> bool:
         """Whether it is certain that no server runs it or will accept it.
 
-        This decides whether a call sends its goal again (C4.2), and whether a goal replaces
-        another. Other code asks `known_to_run`, which leaves out what is only a guess.
+        Users are told `known_to_run`, which leaves out what is only a guess.
         """
         return self.over or not (self.accepted or self.noes < self.servers)
 
@@ -61,9 +60,23 @@ class GoalFacts:
         """Whether it was lost, and its servers have left the graph: nobody may ever hear of it.
 
         A server that is only silent, or only seems to have been replaced, may go on with it. So
-        call, leaf and toolbox look here, and not at `lost`, before they send another goal.
+        this, and not `lost`, decides whether another goal may be sent.
         """
         return self.lost and self.gone and not self.left
+
+    def blocks_another(self, *, unless_gone: bool = False, unless_unseen: bool = False) -> bool:
+        """Whether no other goal may be sent now (C4.2). Nothing else decides that.
+
+        `docs/architecture.md` has a table of those who ask, and why they differ.
+
+        Args:
+            unless_gone: It does not block if each server that may run it has left the graph.
+            unless_unseen: It does not block if one server's answer has ended it, and another one
+                has never shown that it has it.
+        """
+        if self.is_over or (unless_gone and self.is_lost_with_server):
+            return False
+        return self.may_run or not unless_unseen
 
     @property
     def may_run(self) -> bool:

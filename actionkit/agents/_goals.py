@@ -125,7 +125,7 @@ class GoalRecord:
         A goal does not count if its server has left the graph: nothing may ever be heard of it. A
         server that is only silent may go on with its goal.
         """
-        return self.value is None or self._goals is None or not self._goals.gone
+        return self.value is None or self._goals.block_another(unless_gone=True, unless_unseen=True)
 
     def report(self) -> dict[str, Any]:
         """Return what is known of it, for the tool `goals`."""

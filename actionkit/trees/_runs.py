@@ -14,7 +14,7 @@ from contextlib import suppress
 from typing import Any
 
 from actionkit import Client, GoalFuture
-from actionkit._internal_api import Classify, is_lost_with_server, prepare_call
+from actionkit._internal_api import Classify, blocks_another, prepare_call
 from actionkit._model.arguments import UNSET
 from actionkit._model.errors import ClientClosedError
 from actionkit._model.settings import RetryPolicy
@@ -109,10 +109,10 @@ class Run:
         never be seen again, and if it is, the client cancels the goal. A server that is only silent
         may go on with its goal.
         """
-        known, future = self.known_to_run, self.future
-        if known is not None or future is None:
-            return known is not False
-        return not is_lost_with_server(future)
+        unwanted, future = self.unwanted, self.future  # in this order, as in `known_to_run`
+        if future is None:
+            return not unwanted
+        return blocks_another(future, unless_gone=True, unless_unseen=True)
 
 
 class Runs:

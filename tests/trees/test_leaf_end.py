@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import threading
+import uuid
 from collections import deque
 from types import SimpleNamespace
 from typing import Any, cast
@@ -14,7 +15,9 @@ from py_trees.common import Status
 from test_msgs.action import Fibonacci
 
 from actionkit import GoalFuture, Timeouts
+from actionkit._calls.call_view import GoalsOfCall
 from actionkit._calls.closing import MARGIN
+from actionkit._goal.facts import GoalFacts
 from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour
 from actionkit.trees._runs import Run, Runs
@@ -247,18 +250,27 @@ def test_of_a_goal_whose_client_was_closed_only_its_end_is_known(
 
 
 @pytest.mark.parametrize(
-    ("known", "lost", "holds_up"),
-    [(True, False, True), (False, False, False), (None, False, True), (None, True, False)],
+    ("known", "facts", "holds_up"),
+    [
+        (True, {"accepted": True}, True),
+        (False, {"accepted": True, "ended": True, "over": True}, False),
+        (None, {"accepted": True, "lost": True}, True),
+        (None, {"accepted": True, "lost": True, "gone": True}, False),
+    ],
 )
 @pytest.mark.every
 def test_which_earlier_goal_holds_up_a_run(
-    known: bool | None, lost: bool, holds_up: bool, monkeypatch: pytest.MonkeyPatch
+    known: bool | None, facts: dict[str, Any], holds_up: bool
 ) -> None:
     """Where nothing is known of it, only the graph can say that it does not."""
-    monkeypatch.setattr("actionkit.trees._runs.is_lost_with_server", lambda future: lost)
+    goals = GoalsOfCall([GoalFacts(uuid.uuid4(), **facts)])
+    call = SimpleNamespace(goals=goals)
     run = Run(None)
-    run.future = cast(Any, SimpleNamespace(done=lambda: True, known_to_run=known))
+    run.future = cast(
+        Any, SimpleNamespace(done=lambda: True, known_to_run=goals.known_to_run, _call=call)
+    )
     run._client = cast(Any, SimpleNamespace(closed=False))
+    assert run.known_to_run is known
     assert run.holds_up is holds_up
 
 

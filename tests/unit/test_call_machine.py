@@ -455,6 +455,27 @@ def test_an_earlier_goal_turns_out_to_have_ended(
     assert machine.goal_id == attempt.goal_id
 
 
+@pytest.mark.parametrize("seen", ["in the pause", "when no server came"])
+def test_the_outcome_names_the_goal_whose_late_end_it_describes(seen: str) -> None:
+    """Also if nothing is sent any more, and the goal after it had ended before."""
+    machine, first = in_a_pause("server_gone", **GONE)
+    machine.resume(NOW)
+    paused(machine, **GONE)
+    (_, judging) = machine.late_result(first, GoalState.ABORTED, "late")
+    machine.judged(judging.ending, None, Verdict.TRANSIENT)
+    machine.planned(judging.ending, Retry(1.5))
+    if seen == "in the pause":
+        first.goal.facts.others_cancel = True
+        effects = machine.resume(NOW)
+        why = "somebody else has cancelled it"
+        assert effects == ends(with_goals(machine, judging.ending, not_retried=why))
+    else:
+        machine.resume(NOW)
+        (*_, planning) = machine.waited(NOW, ready=False)
+        assert planning.ending.status is GoalState.ABORTED
+    assert machine.goal_id == first.goal_id
+
+
 def test_the_result_of_another_goal_or_beside_one_in_flight_ends_nothing() -> None:
     machine, attempt = in_a_pause("always", **RUNS)
     assert machine.late_result(Sent(attempt.goal_id), GoalState.SUCCEEDED, "late") == []

@@ -58,8 +58,8 @@ MUTANTS = (
         "C10.1",
         "a goal that may run counts no more when its call is over",
         "agents/_goals.py",
-        "        return self.value is None or self._goals is None or not self._goals.gone\n",
-        "        return self.value is None\n",
+        "self.value is None or self._goals.block_another(unless_gone=True, unless_unseen=True)",
+        "self.value is None",
         ("agents/test_toolbox.py::test_a_goal_that_cannot_be_cancelled_is_not_sent_beside",),
     ),
     Mutant(
@@ -85,8 +85,8 @@ MUTANTS = (
         "C10.1",
         "a call counts no more when the server of one of its goals has left",
         "_calls/call_view.py",
-        "        return all(goal.is_lost_with_server for goal in self.facts_left)",
-        "        return any(goal.is_lost_with_server for goal in self.facts_left)",
+        "        return any(goal.blocks_another(**unless) for goal in self._goals)",
+        "        return all(goal.blocks_another(**unless) for goal in self._goals)",
         (
             (
                 "agents/test_agents_results.py::"

@@ -537,9 +537,17 @@ MUTANTS = (
         "C1.15",
         "a goal is replaced before it has stopped",
         "_calls/replacing.py",
-        "not (one.done() and one._call.goals.stopped))",
-        "not one.done())",
+        "    return not earlier.done() or earlier._call.goals.block_another(**unless)",
+        "    return not earlier.done()",
         ("client/test_replaces.py::test_nothing_is_sent_if_the_earlier_goal_was_lost",),
+    ),
+    Mutant(
+        "C1.15",
+        "a goal is replaced whose server has left the graph",
+        "_calls/replacing.py",
+        "if blocks_another(one))",
+        "if blocks_another(one, unless_gone=True))",
+        ("unit/test_another_goal.py::test_whether_another_goal_may_be_sent",),
     ),
     Mutant(
         "C1.15",
@@ -587,8 +595,8 @@ MUTANTS = (
         "C1.15",
         "a goal is replaced though another one of its call may run",
         "_calls/call_view.py",
-        "        return all(goal.is_over for goal in self._goals)",
-        "        return any(goal.is_over for goal in self._goals)",
+        "        return any(goal.blocks_another(**unless) for goal in self._goals)",
+        "        return any(goal.blocks_another(**unless) for goal in self._goals[-1:])",
         (
             (
                 "unit/test_replacing.py::"

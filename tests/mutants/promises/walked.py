@@ -110,9 +110,9 @@ MUTANTS = (
     _found(
         "C4.2",
         "a goal is sent while the server of an earlier one is in sight",
-        "_calls/machine.py",
-        " and facts.is_lost_with_server",
-        "",
+        "_goal/facts.py",
+        "(unless_gone and self.is_lost_with_server)",
+        "unless_gone",
     ),
     _found(
         "C4.2",
