@@ -161,13 +161,13 @@ class Goals:
     """All goals of a toolbox; an observer of its clients."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._records: list[GoalRecord] = []
 
     def add(self, record: GoalRecord, limit: int) -> bool:
         """Add a goal; return False, and do not add it, if its action has no room."""
         with self._lock:
-            if sum(one.counts for one in self._records if one.action == record.action) >= limit:
+            if len(self.counting(record.action)) >= limit:
                 return False
             self._records.append(record)
             ended = [one for one in self._records if not one.counts]

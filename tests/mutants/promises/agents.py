@@ -151,9 +151,8 @@ MUTANTS = (
         "C10.2",
         "two calls at the same moment pass the limit",
         "agents/_goals.py",
-        "            if sum(one.counts for one in self._records if one.action == record.action)"
-        " >= limit:\n                return False\n",
-        "",
+        "if len(self.counting(record.action)) >= limit:\n",
+        "if False:\n",
         ("agents/test_agents_results.py::test_no_goal_is_added_beyond_the_limit_of_its_action",),
     ),
     Mutant(
