@@ -282,7 +282,7 @@ class Session:
     def _take_back(self, request: int, facts: GoalFacts) -> None:
         """Cancel a goal that was over here, and that another server has accepted now (R14)."""
         if (attached := self.watched(facts.goal_id)) is not None:
-            attached.on_accepted()  # whoever has attached to it decides
+            attached.on_accepted()  # the call that has attached to it decides
             return
         made = Attempt(
             self.link, facts.goal_id, Timeouts(), CallForgotten(), on_change=self._changed

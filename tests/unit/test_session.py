@@ -115,7 +115,7 @@ def test_a_goal_that_a_second_server_accepts_after_its_end_is_cancelled_and_watc
     assert len(world.queue) == 0
 
 
-def test_whoever_has_attached_to_a_goal_that_is_accepted_late_decides_what_happens_to_it() -> None:
+def test_a_call_that_has_attached_to_a_goal_that_is_accepted_late_decides() -> None:
     world = World()
     attempt = world.attempt
     world.accepted_late()
