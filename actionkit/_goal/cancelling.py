@@ -39,18 +39,24 @@ class CancellableGoal(GoalRecord):
         if why is CancelReason.DEADLINE:
             self._latest = now + self._timeouts.cancel
         if self.settled:
-            return [] if abandon else self._ask_again()
+            return [] if abandon else self._ask_again(now)
         if self.cancel_reason is not None:
             return []
         if abandon or (self._is_left_alone and why is not CancelReason.CANCELLED):
             return self._leave(why)
         return self._cancel(why, now)
 
-    def _ask_again(self) -> list[fx.Effect]:
+    def _ask_again(self, now: float) -> list[fx.Effect]:
         """Its caller has left: ask once more, because a refusal need not be the last word."""
-        if not self.in_flight or self.facts.lost or self._terminal_seen is not None:
+        if not self.in_flight or self.facts.lost or self.awaits_result_of is not None:
             return []
         self._forget_refusals()
+        return self._ask_all_to_cancel(now)
+
+    def _ask_all_to_cancel(self, now: float) -> list[fx.Effect]:
+        """Ask again: of several servers, one may not have been asked since it has the goal."""
+        if self.facts.servers > 1:
+            self._shown_at = now  # what they answer to earlier requests says nothing about that
         return [fx.AskCancel()]
 
     def _leave(self, why: CancelReason) -> list[fx.Effect]:

@@ -66,7 +66,7 @@ class Goal(CancellableGoal):
         What is known about the goal stays, and only what the new call wants counts. But it is
         still cancelled if there is nothing to follow: then the new call ends at once.
         """
-        self.settled = self._left_alone = self.facts.told = False
+        self.settled = self._left_alone = self.facts.told = self.facts.left = False
         self.cancel_reason = self._final_reason = self._refused_reason = self._held = None
         self._timeouts, self._latest = timeouts, math.inf
         if self.stage is Stage.ELSEWHERE:
@@ -99,7 +99,11 @@ class Goal(CancellableGoal):
             return self._ask_about_lost(now)
         # It is a new server on the name, or the same one after a restart. If it does not know the
         # goal, it will say so (R1).
-        return [fx.AskResult()] if self.stage is Stage.ACCEPTED else []
+        if self.stage not in (Stage.ACCEPTED, Stage.ELSEWHERE):
+            return []
+        if self.facts.servers == 1 or not self.unwanted:
+            return [fx.AskResult()]
+        return [*self._ask_all_to_cancel(now), fx.AskResult()]
 
     def server_back(self, now: float) -> list[fx.Effect]:
         """The server that the goal was sent to can be used (again)."""
@@ -271,11 +275,12 @@ class Goal(CancellableGoal):
         if status is None:
             return self._unknown(now, asked_at, own=own, everybody=everybody)
         effects = [] if self.stage is Stage.LOST else self._proven(now)
+        elsewhere = self.stage is Stage.ELSEWHERE or (self.stage is Stage.LOST and facts.ended)
         facts.accepted = facts.ended = True
         facts.ends = max(facts.ends, ends)
         facts.over = self._stopped_everywhere(everybody=everybody)
         better = status is GoalState.SUCCEEDED is not self._terminal_seen
-        if self.stage is Stage.ELSEWHERE and not (self._held and better):
+        if elsewhere and not (self._held and better):
             late = [fx.LateResult(status, result)] if self.settled else []
             return [*late, *self._look_elsewhere(now, everybody=everybody)]
         self._held = None
@@ -306,12 +311,12 @@ class Goal(CancellableGoal):
             lost = everybody and facts.lost
             return self._unknown_to_another() if lost else []  # otherwise another one may run it
         if self.stage is Stage.ELSEWHERE:
-            self._denied_lately = True
             return self._look_elsewhere(now, everybody=True)
         if facts.servers > 1 and facts.away:
             # One of the servers that may run it has left, and those in sight do not run it.
             if self.stage is Stage.LOST:
                 return []
+            self._denied_lately = True
             return self._one_is_gone(now) if facts.undecided else self._gone(now)
         if self.stage is Stage.ACCEPTED or (facts.attached and self.stage is Stage.SENT):
             return self._forgotten(now, asked_at) if own else []
@@ -349,6 +354,7 @@ class Goal(CancellableGoal):
     def _look_elsewhere(self, now: float, *, everybody: bool = False) -> list[fx.Effect]:
         """Another server has answered about a goal that is over for its caller."""
         facts = self.facts
+        self._denied_lately |= everybody
         if self._stopped_everywhere(everybody=everybody):
             return self._over()
         if not facts.may_run:
@@ -433,6 +439,8 @@ class Goal(CancellableGoal):
             return [*effects, fx.AskResult()]
         if self.state is not GoalState.CANCELING:
             effects.append(self._enter(GoalState.CANCELING))
+        if self.facts.servers > 1 and asked_at < self._shown_at:
+            effects.append(fx.AskCancel())  # another server may have it, and was not asked
         return effects + self._cancel_accepted(now)
 
     def _unknown_to_another(self) -> list[fx.Effect]:
@@ -494,7 +502,7 @@ class Goal(CancellableGoal):
             return []
         if self.stage is Stage.ELSEWHERE:
             return self._reask_elsewhere(now)
-        ended = self._terminal_seen is not None
+        ended = self.awaits_result_of is not None
         if ended and self.settled and self._reask_after >= LAST_RESULT_PAUSE:
             return self._over()
         # A server that has not answered since the last request may be busy, and still accept it.
@@ -519,7 +527,8 @@ class Goal(CancellableGoal):
         """Ask again about a goal that is over for its caller, but may run on another server."""
         denied, self._denied_lately = self._denied_lately, False
         if denied and self._reask_after >= LONGEST_PAUSE:
-            return self._over()  # a server that has answered for a minute has read the request
+            # A server that has answered for a minute has read the request.
+            return [fx.StopCancel(), *self._gone(now)] if self.facts.away else self._over()
         warn: list[fx.Effect] = []
         if self._reask_after == LONG_PAUSE and self.facts.runs_seen:
             warn = [fx.RunsElsewhere()]

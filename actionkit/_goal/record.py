@@ -148,7 +148,7 @@ class GoalRecord:
                 self.lose_touch()
             self.stage = Stage.OVER
             return [*self._settle(end, result=result, lost_because=lost_because), *self._release()]
-        self.stage = Stage.ELSEWHERE
+        self.stage, self.facts.lost = Stage.ELSEWHERE, False
         effects: list[fx.Effect] = []
         if self.cancel_reason is None:
             effects = self._settle(end, result=result, lost_because=lost_because)
@@ -209,10 +209,10 @@ class GoalRecord:
         over = self.stage is Stage.OVER and not self.facts.left
         if (over or self.stage is Stage.ELSEWHERE) and not self.facts.is_over:
             return fx.LastNews.NOTHING  # another server on the name may still run it
+        if self.stage is Stage.LOST:
+            return fx.LastNews.SERVER_GONE  # also if another server has ended it
         if over or self._terminal_seen is not None:
             return fx.LastNews.STOPPED
-        if self.stage is Stage.LOST:
-            return fx.LastNews.SERVER_GONE
         return fx.LastNews.UNKNOWN_TO_SERVER if self._unknown_to_server else fx.LastNews.NOTHING
 
     def _over(self) -> list[fx.Effect]:

@@ -39,7 +39,8 @@ class Stage(Enum):
     ELSEWHERE = auto()
     """It is over on one server, but another one on the name may run it: it is cancelled there."""
     LOST = auto()
-    """The server is out of sight; the goal may still run there."""
+    """The server is out of sight, and the goal may still run there; or it is back, which clears
+    `facts.lost`, and has not answered yet whether it still has the goal."""
     OVER = auto()
     """It is not tracked any more: it does not run, or is left alone."""
 
