@@ -414,13 +414,13 @@ class Goal(CancellableGoal):
         if answer is CancelAnswer.UNKNOWN_GOAL:
             if self.facts.servers > 1:
                 return [fx.AskResult()]  # each server answers this one
+            if asked_at < self._shown_at:
+                return []  # the result was requested since then
             if self.stage is Stage.LOST:
                 return self._unknown_to_another() if self.facts.lost else self._over()
             known = self.stage is Stage.ACCEPTED or self.facts.attached
             if not known:
                 return self._unknown_so_far()
-            if asked_at < self._shown_at:
-                return []  # the result was requested since then
             # micro-ROS' server answers no request for the result of a goal that has ended, and
             # shows no end. If an end was shown, the result may be under way.
             forgets = own and self._terminal_seen is None
