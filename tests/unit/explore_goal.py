@@ -521,7 +521,7 @@ class World:
                 setattr(self, kind, tuple(r for r in left if r.waiting or r.unknown))
         elif self.servers[i].undecided and i not in self.given_to:
             # It was sent the goal before it was in sight: `ServerMonitor._reconsider`.
-            if self.staying and not self.released:
+            if self.staying and not (self.released or self.goal.facts.over):
                 self.staying |= {i}
                 self.sent_to |= {i}
                 self.given_to |= {i}
