@@ -95,6 +95,8 @@ class World:
     staying: frozenset[int] = NOBODY
     sent_to: frozenset[int] = NOBODY
     given_to: frozenset[int] = NOBODY
+    were_given: frozenset[int] = NOBODY
+    """Those, and the ones that were out of sight when it was taken back."""
     settled: int = 0
     released: bool = False
     gave_up: frozenset[CancelReason] = frozenset()
@@ -102,9 +104,6 @@ class World:
     hangs: int = 1  # how many more servers may go out of sight, or die
     guesses: int = 1  # how often a server may be taken for restarted, or for silent
     silent: bool = False
-    orphans: bool = True
-    """Whether `_ros.orphans` looks after a goal that was released and is accepted elsewhere later.
-    If not, the goal is told, and takes back that it was released."""
 
     def copy(self) -> World:
         goal = copy.copy(self.goal)
@@ -200,10 +199,15 @@ class World:
     def accepted(self) -> None:
         if not self.released:
             self.tell("accepted", self.now)
-        elif not (self.orphans or self.goal.facts.left):
-            effects = self.goal.accepted(self.now)
-            self.released = not self.goal.in_flight
-            self.apply(effects)
+        elif not self.goal.abandoned:
+            self.take_back(self.goal)
+
+    def take_back(self, earlier: Goal) -> None:
+        """As `Session._take_back`."""
+        self.goal, self.released = Goal(earlier.facts.goal_id, earlier._timeouts), False
+        self.staying = self.sent_to = self.given_to = self.up
+        self.sent_cancels = 0
+        self.apply(self.goal.taken_back(earlier.facts, len(self.up), self.now))
 
     def lose(self, reason: str) -> None:
         if not self.released:
@@ -285,6 +289,7 @@ class World:
             own=bool(self.sent_to & self.up),
             everybody=everybody and not request.outdated,
             ends=request.knowing,
+            answers=request.heard,
         )
 
     def answers_cancel(self, i: int, number: int, answer: CancelAnswer) -> None:
@@ -555,11 +560,6 @@ class World:
         unseen = sum(s.said_yes for s in servers) <= sum(s.told_end for s in servers)
         return (facts.ended or facts.rejected) and not facts.given_up and unseen
 
-    @property
-    def is_kept_by_another(self) -> bool:
-        """Whether `_ros.orphans` looks after it."""
-        return self.released and self.orphans
-
     def check_ending(self, ending: fx.Ending) -> None:
         runs = any(s.does in HERE and s.shown for s in self.servers)
         if not runs or self.is_guess or self.goal.facts.left:
@@ -569,9 +569,10 @@ class World:
 
     def check(self) -> None:
         goal, facts = self.goal, self.goal.facts
-        ours = [server for i, server in enumerate(self.servers) if i in self.given_to]
+        self.were_given |= self.given_to
+        ours = [server for i, server in enumerate(self.servers) if i in self.were_given]
         runs = any(server.does in HERE for server in ours)
-        excused = self.is_guess or self.is_kept_by_another
+        excused = self.is_guess
         shown = any(s.does in HERE and s.shown for s in ours) and not excused
         if facts.is_over and (runs or any(server.undecided for server in ours)):
             raise Broken("it is over, and a server runs it or may accept it")
@@ -643,7 +644,6 @@ def begin(
     *,
     later: str = "",
     timeouts: Timeouts | None = None,
-    orphans: bool = True,
 ) -> World:
     """Return the world in which the goal was just sent to so many servers, or is attached to.
 
@@ -653,7 +653,6 @@ def begin(
             alone; then the first server runs it.
         later: Another server that comes into sight later: "new", or "late" if it was sent the goal.
         timeouts: The limits of the call.
-        orphans: See `World.orphans`.
     """
     timeouts = timeouts or Timeouts(accept=2.5, feedback=None, result=None)
     up = frozenset(range(servers))
@@ -665,7 +664,6 @@ def begin(
         sent_to=up,
         given_to=up,
         left_alone=kind == "left alone",
-        orphans=orphans,
     )
     if later:
         world.servers.append(Server(graph=ABSENT, undecided=later == "late"))

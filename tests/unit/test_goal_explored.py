@@ -142,6 +142,10 @@ FOUND: dict[str, tuple[str, list[tuple[str, Any]]]] = {
             ("comes", 1),
         ],
     ),
+    "one server has rejected it, which ended it, and the other accepts it after that": (
+        "two servers",
+        [("rejects", 0), ("accepts", 1)],
+    ),
     "one server has ended it for a minute, and the other is out of sight": (
         "two servers",
         [
