@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from actionkit._goal.facts import GoalFacts
 from actionkit._model.errors import ServerUnavailableError
 from actionkit._model.values import CancelReport
-from actionkit._ros.stopping.cancelling import Cancelling, Fate
+from actionkit._ros.stopping.cancelling import Cancelling
 from actionkit._ros.stopping.goal_board import FIRST
 from actionkit._threads.waiting import Flag
 
@@ -59,7 +59,7 @@ def cancel_everything(session: Session, timeout: float) -> dict[uuid.UUID, Cance
         Flag().wait(_LOOK)
     # A client knows its own goals best: it asks for their results, too.
     return {
-        **{uuid.UUID(fate.goal_id): _of_fate(fate) for fate in action.fates},
+        **{uuid.UUID(fate.goal_id): fate.report for fate in action.fates},
         **({UNKNOWN_GOALS: CancelReport.UNKNOWN} if action.unheard else {}),
         **{goal.goal_id: _of_goal(goal) for goal in goals},
         **{call.goal_id: _of_call(call) for call in calls},
@@ -72,10 +72,6 @@ def _waits(call: Call) -> bool:
 
 def _may_stop(goal: GoalFacts) -> bool:
     return goal.may_run and not goal.refused
-
-
-def _of_fate(fate: Fate) -> CancelReport:
-    return CancelReport.__members__.get(fate.cancel, CancelReport.NOT_NEEDED)
 
 
 def _of_goal(goal: GoalFacts) -> CancelReport:

@@ -6,30 +6,24 @@ import threading
 import time
 import uuid
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
-from actionkit._calls.future import GoalFuture
-from actionkit._calls.ledger.store import Leftover
-from actionkit._client import Client
-from actionkit._leftovers.finding import asked, find, in_sight
-from actionkit._messages.by_name import interface_class
-from actionkit._model.domain import Domain
-from actionkit._model.errors import ClientClosedError
-from actionkit._model.settings import Timeouts
-from actionkit._model.values import CancelReport, GoalState
+from actionkit._calls.ledger.store import Leftover, attempt_id, attempt_number
+from actionkit._calls.transport import transport
+from actionkit._leftovers.finding import call_with, number_of
+from actionkit._model.values import CancelReport
+from actionkit._ros.native import GONE
+from actionkit._ros.stopping.cancel_goals import cancel_goals
+from actionkit._ros.stopping.cancelling import Cancelling
+from actionkit._ros.stopping.goal_board import FIRST, WatchedGoal
+from actionkit._ros.tools.survey import Survey
 from actionkit._threads.diagnostics import log_own_error
 from actionkit._threads.waiting import Flag
 
-_LAST = 3.0
-"""Seconds at the end for servers to answer about goals that nobody has seen; a third at most."""
-_PER_SECOND = 1000
-"""Goals that servers are asked about in a second, roughly: many get more time for that."""
-_END = 0.5
-"""Seconds for a goal's result to come after its end was seen in the status."""
-_TICK = 0.05
-"""Seconds between two looks whether goals have ended."""
+_TICK = 0.1
+"""Seconds at the end to tell all that is known."""
 _LATE = 60.0
 """Seconds in which a server that needs long may still accept a goal, from when it was written down.
 It may have been sent later, after a wait for the server. So this counts only where there are many.
@@ -45,6 +39,66 @@ _WORST = (
 _Told = dict[Leftover, CancelReport]
 
 
+class CancellingCalls(Cancelling):
+    """Calls of one action. Their goals are to be cancelled: those that are seen, or may come."""
+
+    def __init__(self, name: str, calls: Iterable[Leftover]) -> None:
+        newest_first = sorted(calls, key=lambda call: call.sent, reverse=True)
+        super().__init__(name, [str(call.goal_id) for call in newest_first])
+        self._by_id = sorted(newest_first, key=number_of)
+        self._newest: dict[Leftover, int] = {}
+        """The number of the latest goal of a call that a server has shown."""
+
+    def take_news(self, news: Any, wall: float) -> list[WatchedGoal]:
+        """Record news from a `StatusReader`; cancel also the goals of the calls that it shows."""
+        changed = super().take_news(news, wall)
+        for goal in changed:
+            goal_id = uuid.UUID(goal.goal_id)
+            if (call := call_with(self._by_id, goal_id)) is None:
+                continue
+            self.add(goal.goal_id)
+            number = attempt_number(call.goal_id, goal_id)
+            newest = self._newest[call] = max(number, self._newest.get(call, 0))
+            # Its process is dead, and sent a retry only when the goal before it had ended.
+            had_ended = goal.ended and not goal.before
+            retries = had_ended and (goal.state != "SUCCEEDED" or call.judged)
+            if number == newest < call.attempts and (retries or call.parallel):
+                self.add(str(attempt_id(call.goal_id, number + 1)))
+            for earlier in range(1, number) if call.parallel else ():
+                self.add(str(attempt_id(call.goal_id, earlier)))
+        return changed
+
+    def may_come(self, goal_id: str) -> bool:
+        """Whether a goal that no server knows may be accepted yet."""
+        call = self._call_with(goal_id)
+        if (newest := self._newest.get(call)) is None:
+            few = len(self._by_id) - len(self._newest) < _MANY
+            return few or time.time() - call.sent < _LATE
+        if call.parallel:
+            return True
+        is_next = attempt_number(call.goal_id, uuid.UUID(goal_id)) > newest
+        return is_next and not self.agreed(str(attempt_id(call.goal_id, newest)))
+
+    @property
+    def done(self) -> bool:
+        """Whether the fate of every goal is known. One that is not stopped may end by itself."""
+        return super().done and all(fate.cancel != "REFUSED" for fate in self.fates)
+
+    @property
+    def reports(self) -> _Told:
+        """What happened to each call: the worst that happened to one of its goals."""
+        told: _Told = {}
+        for fate in self.fates:
+            call = self._call_with(fate.goal_id)
+            told[call] = min(fate.report, told.get(call, fate.report), key=_WORST.index)
+        return told
+
+    def _call_with(self, goal_id: str) -> Leftover:
+        call = call_with(self._by_id, uuid.UUID(goal_id))
+        assert call is not None
+        return call
+
+
 def cancel_all(
     calls: Iterable[Leftover], seconds: float, server: float, unseen: set[Leftover]
 ) -> _Told:
@@ -53,40 +107,23 @@ def cancel_all(
     This takes so many `seconds` at most; a server is looked for `server` seconds at most. Calls
     are added to `unseen` if no server of their action is in sight after that.
     """
-    by_action: dict[tuple[int, str, str], list[Leftover]] = defaultdict(list)
+    transport()  # or the interpreter's exit would not wait for the communication threads
+    by_domain: dict[int, list[Leftover]] = defaultdict(list)
     for call in calls:
-        by_action[call.domain_id, call.action_name, call.type_name].append(call)
-    told = {call: CancelReport.UNKNOWN for each in by_action.values() for call in each}
-    # One beside the other: an action without a server must not delay the others.
-    done = {action: Flag() for action in by_action}
-    for action, left in by_action.items():
-        flag = done[action]
-        cancel = partial(_cancel, *action, left, seconds, server, told, unseen, flag)
-        run = partial(_in_thread, cancel, flag)
-        threading.Thread(target=run, name="actionkit-leftovers", daemon=True).start()
+        by_domain[call.domain_id].append(call)
+    told = {call: CancelReport.UNKNOWN for each in by_domain.values() for call in each}
+    done = {domain: Flag() for domain in by_domain}
     until = time.monotonic() + seconds
+    for domain, left in by_domain.items():
+        cancel = partial(_cancel, domain, left, seconds, server, told, unseen, done[domain])
+        threading.Thread(target=cancel, name="actionkit-leftovers", daemon=True).start()
     for flag in done.values():
-        flag.wait(max(0.0, until + _TICK - time.monotonic()))
+        flag.wait(max(0.0, until - time.monotonic()))
     return dict(told)
-
-
-def _in_thread(cancel: Callable[[], None], done: Flag) -> None:
-    try:
-        cancel()
-    except (ImportError, ValueError):
-        pass  # the action's package is not installed here
-    except ClientClosedError:
-        pass  # the program ends
-    except Exception:  # noqa: BLE001  the goals of other actions count, too
-        log_own_error()
-    finally:
-        done.set()
 
 
 def _cancel(
     domain: int,
-    name: str,
-    kind: str,
     calls: list[Leftover],
     seconds: float,
     server: float,
@@ -94,60 +131,31 @@ def _cancel(
     unseen: set[Leftover],
     done: Flag,
 ) -> None:
-    """Cancel the goals of one action."""
-    until = time.monotonic() + seconds
-    limits = Timeouts(server=min(server, seconds))
-    action_type: Any = interface_class(kind, "action")
-    with Client(action_type, name, node=Domain(domain), timeouts=limits) as client:
-        if not client.wait_for_server(max(0.0, min(server, until - _TICK - time.monotonic()))):
-            if seconds >= server and not in_sight(client):
-                unseen.update(calls)
-            return
-        futures: dict[Leftover, list[GoalFuture[Any, Any]]] = defaultdict(list)
-        not_found: dict[uuid.UUID, Leftover] = {}
-
-        def stop(call: Leftover, goal_id: uuid.UUID) -> None:
-            future = client.attach(goal_id, on_give_up="cancel")
-            future.cancel()
-            futures[call].append(future)
-
-        last = min(_LAST, seconds / 3) + min(len(calls) / _PER_SECOND, seconds / 3)
-        for call, goal_id in find(client, calls, until - last):
-            if goal_id is None:
-                not_found[call.goal_id] = call
-            else:
-                stop(call, goal_id)
-        few = len(not_found) < _MANY
-
-        def may_come(goal_id: uuid.UUID) -> bool:
-            return few or time.time() - not_found[goal_id].sent < _LATE
-
-        newest_first = reversed(not_found)
-        for goal_id, is_known in asked(client, newest_first, until - 2 * _TICK, may_come):
-            if is_known:
-                stop(not_found[goal_id], goal_id)
-            else:
-                told[not_found[goal_id]] = CancelReport.NOT_NEEDED
-        every = [future for each in futures.values() for future in each]
-        while any(future.known_to_run is not False for future in every):
-            if time.monotonic() >= until:
-                break
-            Flag().wait(_TICK)
-        for future in every:
-            if future.known_to_run is False:  # its end, which says how, may come a moment later
-                future._wait_until_over(min(_END, until - time.monotonic()))
-        told.update(
-            (call, min(map(_report, each), key=_WORST.index)) for call, each in futures.items()
-        )
-        done.set()  # closing may take longer
-    for future in every:
-        future.outcome(0)  # or the log would say that nobody has asked
-
-
-def _report(future: GoalFuture[Any, Any]) -> CancelReport:
-    """Return what happened to the goal of a future."""
-    if future.known_to_run is False:
-        canceled = any(event.state is GoalState.CANCELED for event in future.timeline)
-        return CancelReport.CONFIRMED if canceled else CancelReport.NOT_NEEDED
-    refused = any(goal.cancel_refused for goal in future._call.goals.reports)
-    return CancelReport.REFUSED if refused else CancelReport.UNKNOWN
+    """Cancel the goals of calls in one ROS domain."""
+    until = time.monotonic() + seconds - _TICK
+    by_name: dict[str, list[Leftover]] = defaultdict(list)
+    for call in calls:
+        by_name[call.action_name].append(call)
+    actions = [CancellingCalls(name, left) for name, left in by_name.items()]
+    try:
+        with Survey(domain) as survey:
+            cancel_goals(
+                survey,
+                [*actions],
+                over=lambda now: now >= until,
+                look=min(server, until - time.monotonic()),
+                least=min(FIRST, seconds / 3),
+            )
+            for action in actions:
+                action.settle(time.monotonic(), over=True)
+                if action.has_server:
+                    told.update(action.reports)
+                elif seconds >= server:
+                    unseen.update(by_name[action.name])
+            done.set()  # closing may take longer
+    except GONE:
+        pass  # the program ends
+    except Exception:  # noqa: BLE001  the goals in other domains count, too
+        log_own_error()
+    finally:
+        done.set()

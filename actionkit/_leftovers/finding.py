@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import queue
 import time
 import uuid
 from bisect import bisect_right
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing
-from itertools import islice
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from actionkit._calls.ledger.store import Leftover, attempt_number
-from actionkit._model.cancel_answer import CancelAnswer
-from actionkit._ros import graph
 from actionkit._ros.native import RCLError
-from actionkit._ros.stopping.goal_board import arrived
-from actionkit._ros.tools.cancel import GoalCanceller
 from actionkit._ros.tools.topic import StoppedError
 from actionkit._ros.tools.watch import GoalSeen, goals_seen
 from actionkit._threads.waiting import Flag
@@ -27,11 +19,6 @@ if TYPE_CHECKING:
 
 _AGAIN = 0.3
 """Seconds between two looks."""
-_AT_ONCE = 50
-"""Goals that servers are asked about at a time; fewer requests than these are on their way."""
-_TICK = 0.05
-"""Seconds between two checks whether the time is over."""
-_Answer = tuple[uuid.UUID, bool]
 
 
 def domain_of(client: Client[Any]) -> int:
@@ -50,7 +37,7 @@ def find(
     """
     found: dict[Leftover, set[uuid.UUID]] = {call: set() for call in calls}
     waiting = set(found)
-    by_id = sorted(found, key=lambda call: call.goal_id.int)
+    by_id = sorted(found, key=number_of)
     while waiting:
         seen = _by_call(by_id, _known(client, until))
         late = time.monotonic() >= until
@@ -84,59 +71,20 @@ def _by_call(
     """Return the goals of each call that has some. There may be many calls, and many goals."""
     seen: dict[Leftover, dict[uuid.UUID, GoalSeen]] = {}
     for goal_id, goal in known.items():
-        place = bisect_right(by_id, goal_id.int, key=lambda call: call.goal_id.int)
-        if place and by_id[place - 1].has(goal_id):
-            seen.setdefault(by_id[place - 1], {})[goal_id] = goal
+        if (call := call_with(by_id, goal_id)) is not None:
+            seen.setdefault(call, {})[goal_id] = goal
     return seen
 
 
-def asked(
-    client: Client[Any],
-    goal_ids: Iterable[uuid.UUID],
-    until: float,
-    may_come: Callable[[uuid.UUID], bool],
-) -> Iterator[_Answer]:
-    """Ask to cancel goals; yield each with whether a server knows it, when all have answered.
-
-    One that `may_come` is asked for until the end if no server knows it yet. This ends when each
-    goal was yielded, or at the monotonic time `until`.
-    """
-    port = client._session.port
-    answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    unknown: Counter[int] = Counter()
-    """How many servers do not know the goal of each request."""
-    left, waiting, may_be_accepted = iter(goal_ids), set[uuid.UUID](), set[uuid.UUID]()
-    with closing(GoalCanceller(port.names, answers.put, port.runtime.place)) as canceller:
-        while time.monotonic() < until:
-            for goal_id in islice(left, _AT_ONCE - len(waiting)):
-                waiting.add(goal_id)
-                canceller.cancel(str(goal_id))
-            if not waiting and not may_be_accepted:
-                return
-            servers = in_sight(client)
-            for said in arrived(answers, _TICK):
-                goal_id = uuid.UUID(said.goal_id)
-                knows = said.answer is not CancelAnswer.UNKNOWN_GOAL
-                unknown[said.request] += not knows
-                if goal_id not in waiting and not (knows and goal_id in may_be_accepted):
-                    continue
-                if not knows and unknown[said.request] < max(1, servers):
-                    continue
-                waiting.discard(goal_id)
-                may_be_accepted.discard(goal_id)
-                if not knows and may_come(goal_id):
-                    may_be_accepted.add(goal_id)
-                    continue
-                canceller.stop(said.goal_id)
-                yield goal_id, knows
-    for goal_id in may_be_accepted:
-        yield goal_id, False
+def call_with(by_id: list[Leftover], goal_id: uuid.UUID) -> Leftover | None:
+    """Return the call that has a goal, of those sorted by `number_of`."""
+    place = bisect_right(by_id, goal_id.int, key=number_of)
+    return by_id[place - 1] if place and by_id[place - 1].has(goal_id) else None
 
 
-def in_sight(client: Client[Any]) -> int:
-    """Return how many servers of a client's action the graph shows, also those not ready."""
-    port = client._session.port
-    return port.runtime.run(lambda: len(graph.servers(port.runtime.node, port.names)))
+def number_of(call: Leftover) -> int:
+    """Return the id of a call's first goal as a number."""
+    return call.goal_id.int
 
 
 def _known(client: Client[Any], until: float) -> dict[uuid.UUID, GoalSeen]:

@@ -66,8 +66,8 @@ class Ledger(LedgerFile):
             What happened to the goals of each call. `CONFIRMED`: the server has stopped them.
             `NOT_NEEDED`: they had ended, or no server knows them. These are removed from the file.
             `REFUSED`: the server does not stop them. `UNKNOWN`: no server was seen, none
-            answered in time, the action's package is not installed here, or another process has
-            not finished.
+            answered in time, or another process has not finished. The action's package is not
+            needed.
 
         Raises:
             LedgerError: The file cannot be used.

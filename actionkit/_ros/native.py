@@ -12,6 +12,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 RCLError = rclpy_implementation.RCLError
+GONE = (RCLError, InvalidHandle)
+"""The errors of rclpy where the context was shut down, or the node was destroyed."""
 
 
 def is_up(context: Context) -> bool:

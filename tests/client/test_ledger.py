@@ -10,9 +10,9 @@ import threading
 import time
 import uuid
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, nullcontext, suppress
+from contextlib import closing, suppress
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from rclpy.context import Context
@@ -23,7 +23,7 @@ from actionkit import Ledger, RetryPolicy
 from actionkit._calls.ledger.file import _writer, flush
 from actionkit._calls.ledger.store import _transaction, attempt_id
 from actionkit._leftovers import cancelling, finding
-from actionkit._leftovers.cancelling import _report
+from actionkit._leftovers.cancelling import CancellingCalls
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.tools.cancel import CancelSaid
 from actionkit._ros.tools.watch import GoalSeen
@@ -571,6 +571,15 @@ def test_a_row_that_cannot_be_understood_does_not_hide_the_others(action_server,
     assert runs_nothing(server)
 
 
+def test_the_package_of_the_action_is_not_needed(action_server, run_script, path):
+    server = action_server("never_finishes")
+    killed(run_script, server)
+    with closing(sqlite3.connect(path, isolation_level=None)) as file:
+        file.execute("UPDATE goals SET type = 'no_such/action/Type'")
+    assert list(Ledger(path).cancel(30).values()) == [ak.CancelReport.CONFIRMED]
+    assert runs_nothing(server)
+
+
 MANY = """
 import os, sys, uuid
 from actionkit import Ledger
@@ -594,6 +603,33 @@ def test_many_goals_that_no_server_knows_are_removed_in_time(
     assert list(told.values()) == [ak.CancelReport.NOT_NEEDED] * 500
     assert runs_nothing(server)
     assert rows(path) == 0
+
+
+INTERRUPTS_CANCEL = """
+import atexit, os, signal, threading
+atexit.register(lambda: print([t.name for t in threading.enumerate() if t.name == "actionkit"]))
+from actionkit import Ledger
+from actionkit._ros.tools.survey import Survey
+look = Survey.actions
+
+def look_after_ctrl_c(self):
+    Survey.actions = look
+    os.kill(os.getpid(), signal.SIGINT)
+    return look(self)
+
+Survey.actions = look_after_ctrl_c
+try:
+    Ledger(os.environ["ACTIONKIT_LEDGER"]).cancel(30)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+def test_a_program_ends_in_order_after_ctrl_c_in_cancel(run_script, path, ros_domain):
+    """rclpy aborts the process if the communication thread runs when the interpreter ends."""
+    assert run_script(MANY, str(ros_domain)).finish() == (0, "", "")
+    assert run_script(INTERRUPTS_CANCEL, fresh=True).finish() == (0, "interrupted\n[]\n", "")
+    assert len(Ledger(path).leftovers()) == 500
 
 
 def test_mcp_goes_on_cancelling_what_does_not_stop_at_once(
@@ -636,7 +672,6 @@ def test_all_ledgers_of_a_process_have_one_thread(tmp_path):
 FIRST = uuid.uuid4()
 SECOND = attempt_id(FIRST, 2)
 KIND = "test_msgs/action/Fibonacci"
-LEFT = ak.Leftover(FIRST, "/a", KIND, 0, 2, judged=False, parallel=True, sent=0.0, pid=1, host="h")
 
 
 @pytest.mark.parametrize(
@@ -669,82 +704,187 @@ def test_a_goal_that_is_accepted_late_is_found(how, state, finds, monkeypatch):
 UNKNOWN, ACCEPTED = CancelAnswer.UNKNOWN_GOAL, CancelAnswer.ACCEPTED
 
 
+def call_is(**how):
+    usual = {"attempts": 3, "judged": False, "parallel": False, "sent": 0.0}
+    return ak.Leftover(FIRST, "/a", KIND, 0, **(usual | how), pid=1, host="h")
+
+
+def begun(*calls, servers=1):
+    """Return calls whose goals are being cancelled, a second after the servers were seen."""
+    action = CancellingCalls("/a", calls)
+    action.seen([f"/server_{number}" for number in range(servers)])
+    action.to_ask_singly(0.0)
+    return action
+
+
+def shows(action, goal_id, state, stamp=0):
+    action.take_news([GoalSeen(str(goal_id), state, stamp)], 0.0)
+
+
+def answers(action, goal_id, answer, now, request=1):
+    action.take(CancelSaid(str(goal_id), answer, request), now)
+
+
 @pytest.mark.parametrize(
-    ("may_come", "servers", "answers", "knows"),
+    ("how", "state", "asks", "waits"),
     [
-        (False, 1, [(1, UNKNOWN)], False),
-        (True, 1, [(1, UNKNOWN), (2, ACCEPTED)], True),
-        (False, 2, [(1, UNKNOWN), (1, ACCEPTED)], True),
-        (False, 2, [(1, UNKNOWN), (1, UNKNOWN)], False),
+        ({}, "CANCELED", [SECOND], True),  # its process may have sent the next one
+        ({}, "ABORTED", [SECOND], True),
+        ({}, "SUCCEEDED", [], False),
+        ({}, "EXECUTING", [FIRST], True),
+        ({"judged": True}, "SUCCEEDED", [SECOND], True),
+        ({"parallel": True}, "EXECUTING", [FIRST, SECOND], True),
+        ({"parallel": True}, "SUCCEEDED", [SECOND], True),
+        ({"attempts": 1}, "CANCELED", [], False),
+        ({"attempts": 1, "parallel": True}, "EXECUTING", [FIRST], True),
     ],
-    ids=["no server knows it", "it comes late", "the other server has it", "neither has it"],
+)
+@pytest.mark.every
+def test_the_next_goal_is_cancelled_before_it_is_seen(how, state, asks, waits):
+    """On a clock of the test; the first goal is in this state."""
+    action = begun(call_is(**how))
+    shows(action, FIRST, state)
+    assert action.to_ask_singly(1.0) == [str(goal_id) for goal_id in asks]
+    action.settle(1.0, over=False)
+    assert action.done is not waits
+    for goal_id in asks:
+        answers(action, goal_id, UNKNOWN, 1.1)
+    action.settle(9.0, over=False)
+    assert action.done is not waits, "it may be accepted later"
+
+
+def test_a_retry_that_is_seen_is_cancelled_and_the_goals_before_it_need_not_come():
+    action = begun(call := call_is())
+    assert action.to_ask_singly(1.0) == [str(FIRST)]
+    answers(action, FIRST, UNKNOWN, 1.1)
+    action.settle(9.0, over=False)
+    assert not action.done
+    shows(action, SECOND, "EXECUTING")
+    assert action.to_ask_singly(9.0) == [str(SECOND)]
+    answers(action, SECOND, ACCEPTED, 9.1)
+    shows(action, SECOND, "CANCELED")
+    action.settle(9.2, over=False)
+    assert action.reports == {call: ak.CancelReport.CONFIRMED}
+    assert action.done, "the process was dead when it ran, so there is no third one"
+
+
+def test_no_retry_comes_after_a_goal_that_ran_when_it_was_asked_for():
+    """Its status came late: only when it had been canceled."""
+    action = begun(call := call_is())
+    assert action.to_ask_singly(1.0) == [str(FIRST)]
+    shows(action, FIRST, "CANCELED")
+    assert action.to_ask_singly(1.1) == [str(SECOND)]
+    answers(action, SECOND, UNKNOWN, 1.2)
+    action.settle(9.0, over=False)
+    assert not action.done
+    answers(action, FIRST, ACCEPTED, 9.0)
+    action.settle(9.1, over=False)
+    assert action.done
+    assert action.reports == {call: ak.CancelReport.CONFIRMED}
+
+
+@pytest.mark.parametrize(
+    ("sent", "servers", "told", "knows"),
+    [
+        (0.0, 1, [(1, UNKNOWN)], False),
+        (None, 1, [(1, UNKNOWN), (2, ACCEPTED)], True),
+        (0.0, 2, [(1, UNKNOWN), (1, ACCEPTED)], True),
+        (0.0, 2, [(1, UNKNOWN), (1, UNKNOWN)], False),
+        (0.0, 2, [(1, UNKNOWN), (2, UNKNOWN)], None),
+        (None, 1, [(1, UNKNOWN)], None),
+    ],
+    ids=[
+        "no server knows it",
+        "it comes late",
+        "the other server has it",
+        "neither has it",
+        "the other server is silent",
+        "it may come yet",
+    ],
 )
 @pytest.mark.every
 def test_a_goal_that_may_be_accepted_yet_or_elsewhere_is_asked_for_until_then(
-    may_come, servers, answers, knows, monkeypatch
+    sent, servers, told, knows
 ):
-    class Canceller:
-        def __init__(self, names, put, place):
-            self.put = put
-
-        def cancel(self, goal_id):
-            for request, answer in answers:
-                self.put(CancelSaid(goal_id, answer, request))
-
-        def stop(self, goal_id):
-            pass
-
-        def close(self):
-            pass
-
-    monkeypatch.setattr(finding, "GoalCanceller", Canceller)
-    monkeypatch.setattr(finding, "in_sight", lambda client: servers)
-    port = SimpleNamespace(names=None, runtime=SimpleNamespace(place=None))
-    client = SimpleNamespace(_session=SimpleNamespace(port=port))
-    told = finding.asked(client, [FIRST], time.monotonic() + 30, lambda _: may_come)
-    assert list(told) == [(FIRST, knows)]
+    """Pure. There are many, so one that was sent long ago does not come any more."""
+    call = call_is(sent=time.time() if sent is None else sent)
+    others = [replace(call, goal_id=uuid.uuid4()) for _ in range(cancelling._MANY)]
+    action = begun(call, *others, servers=servers)
+    assert str(FIRST) in action.to_ask_singly(1.0)
+    for request, answer in told:
+        answers(action, FIRST, answer, 1.1, request)
+    action.settle(9.0, over=False)
+    if knows:
+        assert call not in action.reports, "it is cancelled, and has not ended"
+        shows(action, FIRST, "CANCELED", 0)
+        action.settle(9.1, over=False)
+        assert action.reports[call] is ak.CancelReport.CONFIRMED
+    else:
+        wanted = None if knows is None else ak.CancelReport.NOT_NEEDED
+        assert action.reports.get(call) is wanted
 
 
 @pytest.mark.parametrize(
-    ("runs", "last", "refused", "told"),
+    ("state", "answer", "told"),
     [
-        (False, ak.GoalState.CANCELED, False, ak.CancelReport.CONFIRMED),
-        (False, ak.GoalState.SUCCEEDED, False, ak.CancelReport.NOT_NEEDED),
-        (False, ak.GoalState.SUCCEEDED, True, ak.CancelReport.NOT_NEEDED),
-        (True, ak.GoalState.EXECUTING, True, ak.CancelReport.REFUSED),
-        (True, ak.GoalState.CANCELING, False, ak.CancelReport.UNKNOWN),
-        (None, ak.GoalState.LOST, False, ak.CancelReport.UNKNOWN),
-        # Of two servers, one has stopped it.
-        (None, ak.GoalState.CANCELED, False, ak.CancelReport.UNKNOWN),
+        ("CANCELED", ACCEPTED, ak.CancelReport.CONFIRMED),
+        ("SUCCEEDED", ACCEPTED, ak.CancelReport.NOT_NEEDED),
+        ("SUCCEEDED", CancelAnswer.REFUSED, ak.CancelReport.NOT_NEEDED),
+        ("EXECUTING", CancelAnswer.REFUSED, ak.CancelReport.REFUSED),
+        ("CANCELING", ACCEPTED, ak.CancelReport.UNKNOWN),
+        ("EXECUTING", CancelAnswer.TERMINATED, ak.CancelReport.UNKNOWN),
+        ("LOST", ACCEPTED, ak.CancelReport.UNKNOWN),
+        ("", UNKNOWN, ak.CancelReport.NOT_NEEDED),
+        ("", None, ak.CancelReport.UNKNOWN),
     ],
 )
 @pytest.mark.every
-def test_only_a_goal_that_is_known_to_have_stopped_is_told_so(runs, last, refused, told):
-    assert _report(future_of(runs, last, refused)) is told
+def test_only_a_goal_that_is_known_to_have_stopped_is_told_so(state, answer, told):
+    action = begun(call := call_is(attempts=1))
+    if state:
+        shows(action, FIRST, "EXECUTING")
+    assert action.to_ask_singly(1.0) == [str(FIRST)]
+    if answer is not None:
+        answers(action, FIRST, answer, 1.1)
+    if state == "LOST":
+        action.take_news((), 0.0)
+    elif state:
+        shows(action, FIRST, state)
+    action.settle(9.0, over=True)
+    assert action.reports == {call: told}
 
 
-def future_of(runs, last, refused=False):
-    """Return what is known of a goal."""
-    goals = SimpleNamespace(reports=[SimpleNamespace(cancel_refused=refused)])
-    call, timeline = SimpleNamespace(goals=goals), [SimpleNamespace(state=last)]
-    done = dict.fromkeys(("cancel", "outcome", "_wait_until_over"), lambda *_: None)
-    return SimpleNamespace(known_to_run=runs, timeline=timeline, _call=call, **done)
+def test_of_two_servers_both_have_to_stop_a_goal():
+    action = begun(call := call_is(attempts=1), servers=2)
+    shows(action, FIRST, "EXECUTING", 1)
+    shows(action, FIRST, "EXECUTING", 2)
+    assert action.to_ask_singly(1.0) == [str(FIRST)]
+    shows(action, FIRST, "CANCELED", 1)
+    action.settle(9.0, over=True)
+    assert action.reports == {call: ak.CancelReport.UNKNOWN}
 
 
-def test_a_call_has_stopped_when_all_its_goals_have(monkeypatch):
-    goals = {
-        FIRST: future_of(False, ak.GoalState.CANCELED),
-        SECOND: future_of(True, ak.GoalState.EXECUTING, refused=True),
-    }
-    client = SimpleNamespace(
-        wait_for_server=lambda seconds: True, attach=lambda goal_id, on_give_up: goals[goal_id]
-    )
-    monkeypatch.setattr(cancelling, "Client", lambda *_, **__: nullcontext(client))
-    monkeypatch.setattr(cancelling, "asked", lambda *_: ())
-    for found, report in (
-        ([FIRST, SECOND], ak.CancelReport.REFUSED),
-        ([FIRST], ak.CancelReport.CONFIRMED),
-    ):
-        running = [(LEFT, goal) for goal in found]
-        monkeypatch.setattr(cancelling, "find", lambda *_, running=running: running)
-        assert cancelling.cancel_all([LEFT], 0.2, 0.1, set()) == {LEFT: report}
+def test_a_goal_that_is_refused_is_waited_for_because_it_may_end():
+    action = begun(call := call_is(attempts=1))
+    shows(action, FIRST, "EXECUTING")
+    action.to_ask_singly(1.0)
+    answers(action, FIRST, CancelAnswer.REFUSED, 1.1)
+    action.settle(5.0, over=False)
+    assert action.reports == {call: ak.CancelReport.REFUSED}
+    assert not action.done
+    shows(action, FIRST, "SUCCEEDED")
+    action.settle(9.0, over=True)
+    assert action.reports == {call: ak.CancelReport.NOT_NEEDED}
+
+
+def test_a_call_has_stopped_when_all_its_goals_have():
+    for also, report in ((True, ak.CancelReport.REFUSED), (False, ak.CancelReport.CONFIRMED)):
+        action = begun(call := call_is(attempts=2, parallel=True))
+        for goal_id in (FIRST, SECOND)[: 1 + also]:
+            shows(action, goal_id, "EXECUTING")
+        action.to_ask_singly(1.0)
+        answers(action, FIRST, ACCEPTED, 1.1)
+        shows(action, FIRST, "CANCELED")
+        answers(action, SECOND, CancelAnswer.REFUSED if also else UNKNOWN, 1.1)
+        action.settle(9.0, over=True)
+        assert action.reports == {call: report}

@@ -107,6 +107,23 @@ def test_a_goal_without_a_status_has_stopped_when_its_server_has_forgotten_it(se
     ]
 
 
+@pytest.mark.parametrize("answer", [CancelAnswer.UNKNOWN_GOAL, CancelAnswer.ACCEPTED])
+def test_a_goal_that_is_seen_to_run_after_an_answer_is_asked_again(answer: CancelAnswer) -> None:
+    """It was accepted later, or by another server than the one that has agreed."""
+    action = Cancelling("/a", [ONE], may_come=True)
+    action.seen(["/server", "/second"])
+    action.to_ask_singly(0.0)
+    assert action.to_ask_singly(1.0) == [ONE]
+    action.take(CancelSaid(ONE, answer), 1.1)
+    goal_is(action, "EXECUTING")
+    assert action.to_ask_singly(2.0) == []
+    assert action.to_ask_singly(2.2) == [ONE]
+    assert action.to_ask_singly(3.0) == []
+    assert action.to_ask_singly(3.3) == [ONE]
+    goal_is(action, "CANCELING")
+    assert action.to_ask_singly(9.0) == []
+
+
 def test_what_one_of_two_servers_does_not_know_may_be_on_the_other() -> None:
     action = Cancelling("/a", [ONE])
     action.seen(["/server", "/second"])

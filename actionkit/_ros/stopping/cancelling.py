@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._model.values import CancelReport
 from actionkit._ros.stopping.goal_board import FIRST, Board, WatchedGoal
 
 _AGAIN = 1.0
@@ -41,6 +42,11 @@ class Fate:
     state: str  # the last state that was seen, or `""`
     text: str  # the same as a sentence
 
+    @property
+    def report(self) -> CancelReport:
+        """The report for programs; a goal that no server knows need not be cancelled."""
+        return CancelReport.__members__.get(self.cancel, CancelReport.NOT_NEEDED)
+
 
 @dataclass
 class _Target:
@@ -52,7 +58,7 @@ class _Target:
     since: float = 0.0
     """When that answer came, or it was asked again after that."""
     again: bool = False
-    """Whether it was asked again some time after a server agreed to cancel it."""
+    """Whether it was asked again some time after a server answered."""
     unknown: Counter[int] = field(default_factory=Counter)
     """How many servers have answered each request by saying that they do not know it."""
     consents: int = 0
@@ -114,9 +120,21 @@ class Cancelling:
         """Whether a server was seen, even if its node is not known yet."""
         return self._most > 0
 
-    def take_news(self, news: Any, wall: float) -> None:
-        """Record news from a `StatusReader`."""
-        self.board.take(news, wall)
+    def take_news(self, news: Any, wall: float) -> list[WatchedGoal]:
+        """Record news from a `StatusReader`; return the goals with a new state."""
+        return self.board.take(news, wall)[0]
+
+    def add(self, goal_id: str) -> None:
+        """Cancel this goal, too."""
+        self._targets.setdefault(goal_id, _Target())
+
+    def agreed(self, goal_id: str) -> bool:
+        """Whether a server has agreed to cancel a goal: it was running then."""
+        return self._targets[goal_id].consents > 0
+
+    def may_come(self, goal_id: str) -> bool:
+        """Whether a goal that no server knows may be accepted yet."""
+        return self._may_come
 
     def take_all(self, said: Any, now: float) -> None:
         """Record an `AllSaid`, about all goals; `now` is on the monotonic clock."""
@@ -188,17 +206,22 @@ class Cancelling:
             target.singly = True
             target.asked = now if target.asked is None else target.asked
             new.append(goal_id)
+        new.sort(key=lambda goal_id: goal_id not in self.board.goals)  # first those that run
         return new + self._to_ask_again(now)
 
     def _to_ask_again(self, now: float) -> list[str]:
-        """Return the goals that a server cancels without showing any status, as micro-ROS does.
+        """Return the goals that a server has answered about, and that are not seen to stop.
 
-        When such a goal has ended, the server answers that it does not know it.
+        They may have been accepted after that, or by another server. Or the server shows no status,
+        as that of micro-ROS: it answers that it does not know a goal which has ended.
         """
         new = []
         for goal_id, target in self._targets.items():
-            silent = goal_id not in self.board.goals and self._has_looked_long(now)
-            if silent and target.consents and now - target.since >= _AGAIN:
+            goal = self.board.goals.get(goal_id)
+            silent = goal is None and target.consents and self._has_looked_long(now)
+            runs = goal is not None and not goal.ended and goal.state != "CANCELING"
+            answered = target.answer not in (None, CancelAnswer.REFUSED)
+            if (silent or (runs and answered)) and now - target.since >= _AGAIN:
                 target.since, target.again = now, True
                 target.unknown.clear()  # only the answers from now on count
                 new.append(goal_id)
@@ -220,7 +243,7 @@ class Cancelling:
             if row is not None and row.ended and (target.fate is None or refused):
                 told = self._ended(row, target, now, over)
             elif target.fate is None:
-                told = _running(row, target, now, over, self._may_come, self._most)
+                told = _running(row, target, now, over, self.may_come(goal_id), self._most)
             if told is not None:
                 target.fate = Fate(goal_id, told[0], row.state if row else "", told[1])
                 new.append(target.fate)

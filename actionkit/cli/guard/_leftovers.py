@@ -15,8 +15,7 @@ _SAID = {
     "CONFIRMED": "It was canceled, and runs no more.",
     "NOT_NEEDED": "It had ended, or no server knows it.",
     "REFUSED": "The server refused to cancel it. IT IS STILL RUNNING.",
-    "UNKNOWN": "No server has confirmed it, or its package is not installed here. IT MAY STILL BE"
-    " RUNNING.",
+    "UNKNOWN": "No server has confirmed it. IT MAY STILL BE RUNNING.",
 }
 
 

@@ -84,9 +84,10 @@ MUTANTS = (
     Mutant(
         "C12.2",
         "goals that may run are told to have stopped",
-        "_leftovers/cancelling.py",
-        "    return CancelReport.REFUSED if refused else CancelReport.UNKNOWN\n",
-        "    return CancelReport.REFUSED if refused else CancelReport.NOT_NEEDED\n",
+        "_ros/stopping/cancelling.py",
+        "        return CancelReport.__members__.get(self.cancel, CancelReport.NOT_NEEDED)\n",
+        "        return CancelReport.__members__.get(self.cancel[:9], CancelReport.NOT_NEEDED)"
+        ' if self.cancel != "UNKNOWN" else CancelReport.NOT_NEEDED\n',
         ("client/test_ledger.py::test_only_a_goal_that_is_known_to_have_stopped_is_told_so",),
     ),
     Mutant(
@@ -151,12 +152,55 @@ MUTANTS = (
     Mutant(
         "C12.2",
         "a goal that is accepted while it is asked for runs on",
-        "_leftovers/finding.py",
-        "                if not knows and may_come(goal_id):\n",
-        "                if False:\n",
+        "_leftovers/cancelling.py",
+        "            return few or time.time() - call.sent < _LATE\n",
+        "            return False\n",
         (
             "client/test_ledger.py::test_a_goal_that_may_be_accepted_yet_or_elsewhere_is_asked_for_until_then",
         ),
+    ),
+    Mutant(
+        "C12.2",
+        "a retry that may be accepted yet is not cancelled",
+        "_leftovers/cancelling.py",
+        "            if number == newest < call.attempts and (retries or call.parallel):\n",
+        "            if number == newest < call.attempts and call.parallel:\n",
+        ("client/test_ledger.py::test_the_next_goal_is_cancelled_before_it_is_seen",),
+    ),
+    Mutant(
+        "C12.2",
+        "of a call that may run two goals at once, only one is cancelled",
+        "_leftovers/cancelling.py",
+        "            if number == newest < call.attempts and (retries or call.parallel):\n",
+        "            if number == newest < call.attempts and retries:\n",
+        ("client/test_ledger.py::test_the_next_goal_is_cancelled_before_it_is_seen",),
+    ),
+    Mutant(
+        "C12.2",
+        "a goal of a call that is seen is not cancelled",
+        "_leftovers/cancelling.py",
+        "            self.add(goal.goal_id)\n",
+        "",
+        (
+            "client/test_ledger.py::"
+            "test_a_retry_that_is_seen_is_cancelled_and_the_goals_before_it_need_not_come",
+        ),
+    ),
+    Mutant(
+        "C12.2",
+        "a goal that is refused is given up on at once",
+        "_leftovers/cancelling.py",
+        '        return super().done and all(fate.cancel != "REFUSED" for fate in self.fates)\n',
+        "        return super().done\n",
+        ("client/test_ledger.py::test_a_goal_that_is_refused_is_waited_for_because_it_may_end",),
+    ),
+    Mutant(
+        "C12.2",
+        "a goal that is accepted long after it was asked for is not cancelled",
+        "_ros/stopping/cancelling.py",
+        "            if (silent or (runs and answered)) and",
+        "            if silent and",
+        ("unit/test_stopping.py::test_a_goal_that_is_seen_to_run_after_an_answer_is_asked_again",),
     ),
     Mutant(
         "C12.2",
@@ -170,8 +214,8 @@ MUTANTS = (
         "C12.2",
         "of several goals of a call, the best report counts",
         "_leftovers/cancelling.py",
-        "            (call, min(map(_report, each), key=_WORST.index)) for",
-        "            (call, max(map(_report, each), key=_WORST.index)) for",
+        "            told[call] = min(fate.report",
+        "            told[call] = max(fate.report",
         ("client/test_ledger.py::test_a_call_has_stopped_when_all_its_goals_have",),
     ),
     Mutant(
@@ -185,9 +229,9 @@ MUTANTS = (
     Mutant(
         "C12.2",
         "a server that has not answered counts as one that does not know the goal",
-        "_leftovers/finding.py",
-        "                if not knows and unknown[said.request] < max(1, servers):\n",
-        "                if False:\n",
+        "_ros/stopping/cancelling.py",
+        "max(target.unknown.values(), default=0) >= max(1, servers)\n",
+        "max(target.unknown.values(), default=0) >= 1\n",
         (
             "client/test_ledger.py::"
             "test_a_goal_that_may_be_accepted_yet_or_elsewhere_is_asked_for_until_then",
