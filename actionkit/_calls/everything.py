@@ -10,7 +10,7 @@ from actionkit._goal.facts import GoalFacts
 from actionkit._model.errors import ServerUnavailableError
 from actionkit._model.values import CancelReport
 from actionkit._ros.stopping.cancelling import Cancelling
-from actionkit._ros.stopping.goal_board import FIRST
+from actionkit._ros.stopping.goal_board import DISCOVERY, FIRST
 from actionkit._threads.waiting import Flag
 
 if TYPE_CHECKING:
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 _LOOK = 0.05
 """Seconds between two looks at the goals of this client."""
-_DISCOVERY = 3.5
-"""Seconds until a new node has discovered all servers."""
 UNKNOWN_GOALS = uuid.UUID(int=0)
 """Stands for the goals of servers that did not say which they have; ROS has it for all goals."""
 
@@ -44,7 +42,7 @@ def cancel_everything(session: Session, timeout: float) -> dict[uuid.UUID, Cance
     session.cancel_again(tuple(goal.goal_id for goal in goals))
     action = Cancelling(session.action_name)
     runtime = session.port.runtime
-    least = max(FIRST, runtime.in_graph_since + _DISCOVERY - now)
+    least = max(FIRST, runtime.in_graph_since + DISCOVERY - now)
     with Survey(runtime.place, only=session.port.names) as survey:
         cancel_goals(
             survey,

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from actionkit._calls.ledger.store import Leftover, attempt_number
 from actionkit._ros.native import RCLError
+from actionkit._ros.stopping.goal_board import WatchedGoal
 from actionkit._ros.tools.topic import StoppedError
-from actionkit._ros.tools.watch import GoalSeen, goals_seen
+from actionkit._ros.tools.watch import goals_seen
 from actionkit._threads.waiting import Flag
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def find(
         for call in [call for call in (found if late else seen) if call in waiting]:
             goals = seen.get(call, {})
             for goal_id, goal in goals.items():
-                if goal.in_flight and goal_id not in found[call]:
+                if not goal.ended and goal_id not in found[call]:
                     found[call].add(goal_id)
                     yield call, goal_id
             # Its process is dead, and sent a retry only when the goal before it had ended.
@@ -66,10 +67,10 @@ def _is_last(call: Leftover, goal_id: uuid.UUID, state: str) -> bool:
 
 
 def _by_call(
-    by_id: list[Leftover], known: dict[uuid.UUID, GoalSeen]
-) -> dict[Leftover, dict[uuid.UUID, GoalSeen]]:
+    by_id: list[Leftover], known: dict[uuid.UUID, WatchedGoal]
+) -> dict[Leftover, dict[uuid.UUID, WatchedGoal]]:
     """Return the goals of each call that has some. There may be many calls, and many goals."""
-    seen: dict[Leftover, dict[uuid.UUID, GoalSeen]] = {}
+    seen: dict[Leftover, dict[uuid.UUID, WatchedGoal]] = {}
     for goal_id, goal in known.items():
         if (call := call_with(by_id, goal_id)) is not None:
             seen.setdefault(call, {})[goal_id] = goal
@@ -87,7 +88,7 @@ def number_of(call: Leftover) -> int:
     return call.goal_id.int
 
 
-def _known(client: Client[Any], until: float) -> dict[uuid.UUID, GoalSeen]:
+def _known(client: Client[Any], until: float) -> dict[uuid.UUID, WatchedGoal]:
     """Return the goals that the servers of a client's action know now, those of all clients.
 
     Raises:

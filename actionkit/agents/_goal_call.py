@@ -23,7 +23,7 @@ from actionkit.agents._results import refusal, tool_result
 from actionkit.agents._values import ApprovalRequest, Approve, OnProgress, ToolResult
 
 if TYPE_CHECKING:
-    from actionkit._ros.tools.watch import GoalSeen
+    from actionkit._ros.stopping.goal_board import WatchedGoal
 
 _log = logging.getLogger("actionkit")
 _UNTIL_KNOWN = 13.0
@@ -97,23 +97,23 @@ class GoalCalls:
         """
         return await in_thread(self._clients.hold)
 
-    async def _of_others(self, client: Any) -> list[GoalSeen]:
+    async def _of_others(self, client: Any) -> list[WatchedGoal]:
         """Return the goals of other programs that the servers of a client have now."""
 
-        def look(domain_id: int | None, stopped: Callable[[], bool]) -> list[GoalSeen]:
+        def look(domain_id: int | None, stopped: Callable[[], bool]) -> list[WatchedGoal]:
             from actionkit._ros.tools.watch import goals_in_flight
 
             return goals_in_flight(domain_id, status_topic(client), stopped)
 
         return self._goals.of_others(await self._clients.read(look))
 
-    async def _room(self, tool: ActionConfig) -> tuple[Any, list[GoalSeen]]:
+    async def _room(self, tool: ActionConfig) -> tuple[Any, list[WatchedGoal]]:
         """Return the client, and the goals of other programs, unless there are too many.
 
         Only the client knows the full name of the action: ROS arguments of the process, such as a
         namespace, change it.
         """
-        others: list[GoalSeen] = []
+        others: list[WatchedGoal] = []
         try:
             client = await in_thread(lambda: self._clients.client(tool))
             running = self._goals.counting(client.action_name)
@@ -125,17 +125,17 @@ class GoalCalls:
             raise _too_many(tool, running, others)
         return client, others
 
-    async def others(self, tools: Iterable[ActionConfig]) -> list[tuple[ActionConfig, GoalSeen]]:
+    async def others(self, tools: Iterable[ActionConfig]) -> list[tuple[ActionConfig, WatchedGoal]]:
         """Return the goals of other programs on the actions of tools, where that is known."""
         if self._clients.closed or self._clients.listening is None:
             return []
-        found: dict[str, tuple[ActionConfig, GoalSeen]] = {}
+        found: dict[str, tuple[ActionConfig, WatchedGoal]] = {}
         for told in await asyncio.gather(*(self._others_on(tool) for tool in tools)):
             for tool, goal in told:
                 found.setdefault(goal.goal_id, (tool, goal))
         return list(found.values())
 
-    async def _others_on(self, tool: ActionConfig) -> list[tuple[ActionConfig, GoalSeen]]:
+    async def _others_on(self, tool: ActionConfig) -> list[tuple[ActionConfig, WatchedGoal]]:
         try:
             client = await in_thread(lambda: self._clients.client(tool))
             return [(tool, goal) for goal in await self._of_others(client)]
@@ -161,7 +161,7 @@ class GoalCalls:
         client: Any,
         hold: HoldListener,
         stops: int,
-        others: list[GoalSeen],
+        others: list[WatchedGoal],
         on_progress: OnProgress | None,
     ) -> ToolResult:
         """Send the goal and wait for its end. Before `record.follow`, nothing is awaited."""
@@ -294,7 +294,7 @@ async def _answer(approve: Approve, request: ApprovalRequest) -> object:
     return asking.result()
 
 
-def _too_many(tool: ActionConfig, running: list[GoalRecord], others: list[GoalSeen]) -> _Refused:
+def _too_many(tool: ActionConfig, running: list[GoalRecord], others: list[WatchedGoal]) -> _Refused:
     ids = [record.report()["goal_id"] or "one that waits to be sent" for record in running]
     ids += [f"{goal.goal_id} (of another program)" for goal in others]
     text = f"{tool.name} allows {tool.concurrent} at a time, and as many run or may run"

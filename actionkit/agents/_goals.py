@@ -27,7 +27,7 @@ from actionkit.agents._results import (
 from actionkit.agents._values import ToolResult
 
 if TYPE_CHECKING:
-    from actionkit._ros.tools.watch import GoalSeen
+    from actionkit._ros.stopping.goal_board import WatchedGoal
 
 _KEPT = 100
 """Goals that ended, for the tool `goals`."""
@@ -184,7 +184,7 @@ class Goals:
         """Return the goals that are in flight, or may be, the latest first."""
         return [one for one in self.latest() if one.counts and action in (None, one.action)]
 
-    def of_others(self, there: Iterable[GoalSeen]) -> list[GoalSeen]:
+    def of_others(self, there: Iterable[WatchedGoal]) -> list[WatchedGoal]:
         """Return the goals that this toolbox has not sent."""
         sent = set[str]().union(*(one.sent for one in self.latest()))
         return [goal for goal in there if goal.goal_id not in sent]
@@ -207,7 +207,7 @@ class Goals:
 
 
 def goals_result(
-    goals: Goals, others: list[tuple[ActionConfig, GoalSeen]], arguments: Mapping[str, Any]
+    goals: Goals, others: list[tuple[ActionConfig, WatchedGoal]], arguments: Mapping[str, Any]
 ) -> ToolResult:
     """Return what happened to the goals, or to the one asked for; goals of others come last."""
     goal_id = arguments.get("goal_id")
@@ -229,7 +229,7 @@ def goals_result(
     return tool_result(GoalsValue(goals=found))
 
 
-def _of_other(tool: ActionConfig, goal: GoalSeen) -> ListedGoal:
+def _of_other(tool: ActionConfig, goal: WatchedGoal) -> ListedGoal:
     """Return what is known of a goal that another program has sent."""
     status = "canceling" if goal.state == "CANCELING" else "running"
     told = (goal.goal_id, tool.name, status, goal.state)

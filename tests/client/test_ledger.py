@@ -25,6 +25,7 @@ from actionkit._calls.ledger.store import _transaction, attempt_id
 from actionkit._leftovers import cancelling, finding
 from actionkit._leftovers.cancelling import CancellingCalls
 from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._ros.stopping.goal_board import Board
 from actionkit._ros.tools.cancel import CancelSaid
 from actionkit._ros.tools.watch import GoalSeen
 from actionkit.agents._mcp import process
@@ -690,9 +691,11 @@ KIND = "test_msgs/action/Fibonacci"
 @pytest.mark.every
 def test_a_goal_that_is_accepted_late_is_found(how, state, finds, monkeypatch):
     """Pure: what the servers say is given, first without the second goal, then with it."""
-    first = GoalSeen(str(FIRST), state, 0)
+    board = Board()
+    board.take([GoalSeen(str(FIRST), state, 0), GoalSeen(str(SECOND), "EXECUTING", 0)], 0.0)
+    first, second = (board.goals[str(goal_id)] for goal_id in (FIRST, SECOND))
     looks = iter([{}, {FIRST: first}])
-    later = {FIRST: first, SECOND: GoalSeen(str(SECOND), "EXECUTING", 0)}
+    later = {FIRST: first, SECOND: second}
     monkeypatch.setattr(finding, "_known", lambda *_: next(looks, later))
     monkeypatch.setattr(finding, "_AGAIN", 0.01)
     usual = {"attempts": 3, "judged": False, "parallel": False}

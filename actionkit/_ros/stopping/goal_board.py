@@ -13,8 +13,10 @@ from actionkit._ros.holds.state import Hold
 _T = TypeVar("_T")
 _ENDED = ("SUCCEEDED", "CANCELED", "ABORTED", "LOST")
 _RUNNING = ("ACCEPTED", "EXECUTING", "CANCELING")
+DISCOVERY = 3.5
+"""Seconds until a new node has discovered all servers, and has the status that they keep."""
 FIRST = 1.0
-"""Seconds for the states of remembered goals to arrive, if there are any."""
+"""Seconds for the kept status of servers in sight. One that never had a goal sends none."""
 _MOST = 1000
 """Goals that are kept, enough for many screens, so that a watch of days stays small. The oldest
 ended goals are removed first."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -17,6 +17,7 @@ from actionkit._ros import graph
 from actionkit._ros.codes import STATES
 from actionkit._ros.names import ActionNames
 from actionkit._ros.runtimes import Place
+from actionkit._ros.stopping.goal_board import DISCOVERY, FIRST, Board, WatchedGoal
 from actionkit._ros.tools.topic import SETTLE, Stamped, TopicReader
 from actionkit._ros.wire import goals
 
@@ -27,11 +28,6 @@ _OFFERED = ((ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),)
 """The usual QoS of servers. So their kept status arrives as soon as they are discovered."""
 _PERIOD = 0.25
 """Seconds between two checks for servers, often enough for a person who watches."""
-_STATUS_WAIT = 1.0
-"""Seconds for the status of connected servers. One that never had a goal sends none."""
-_IN_FLIGHT = {str(state) for state in STATES.values() if not state.is_terminal}
-_DISCOVERY = 3.5
-"""Seconds until a new node has discovered all servers, and has their kept status."""
 
 _Key = tuple[bytes, int, int]
 """A goal on one server: its id, and the two numbers of the stamp."""
@@ -53,11 +49,6 @@ class GoalSeen:
     def accepted(self) -> float:
         """When the server accepted it: seconds since the epoch, by the server's clock."""
         return self.stamp * 1e-9
-
-    @property
-    def in_flight(self) -> bool:
-        """Whether it has not ended."""
-        return self.state in _IN_FLIGHT
 
 
 class StatusReader:
@@ -128,9 +119,9 @@ class StatusReader:
 
 def goals_in_flight(
     place: Place | None, status_topic: str, stopped: Callable[[], bool]
-) -> list[GoalSeen]:
+) -> list[WatchedGoal]:
     """Return those of `goals_seen` that have not ended."""
-    return [goal for goal in goals_seen(place, status_topic, stopped) if goal.in_flight]
+    return [goal for goal in goals_seen(place, status_topic, stopped) if not goal.ended]
 
 
 def goals_seen(
@@ -138,45 +129,36 @@ def goals_seen(
     status_topic: str,
     stopped: Callable[[], bool],
     until: float = math.inf,
-) -> list[GoalSeen]:
+) -> list[WatchedGoal]:
     """Return the goals that the servers of an action know now, each once. Errors: see `arriving`.
 
-    A goal that several servers have has ended only if all of them have ended it. `place` is that of
-    `runtimes.acquire`. A server that never had a goal sends no status. At the monotonic time
-    `until`, what has come by then is returned.
+    `place` is that of `runtimes.acquire`. A server that never had a goal sends no status. At the
+    monotonic time `until`, what has come by then is returned.
     """
-    arrays: list[Stamped] = []
+    told: dict[tuple[bytes, int, int, int], None] = {}
     joined, heard = False, math.inf
     topic = TopicReader(place, status_topic, _TYPE, GoalStatusArray, depth=_DEPTH)
     with closing(topic) as reader:
-        found_by = reader.runtime.in_graph_since + _DISCOVERY
-        ends = max(time.monotonic() + _STATUS_WAIT, found_by)
-        for told in reader.arriving(stopped):
+        found_by = reader.runtime.in_graph_since + DISCOVERY
+        ends = max(time.monotonic() + FIRST, found_by)
+        for arrays in reader.arriving(stopped):
             now = time.monotonic()
-            if told and not arrays:
-                heard = now
-            arrays += told
-            if not arrays and not joined and reader.joined >= max(1, reader.publishers):
+            if arrays:
+                heard = min(heard, now)
+            told |= dict.fromkeys(goal for _, array in arrays for goal in goals(array))
+            silent = heard == math.inf
+            if silent and not joined and reader.joined >= max(1, reader.publishers):
                 joined = True  # a kept status would come now
-                ends = now + _STATUS_WAIT
+                ends = now + FIRST
             # What has ended on one of several servers may run on another.
-            enough = heard + (SETTLE if reader.publishers < 2 else _STATUS_WAIT)
+            enough = heard + (SETTLE if reader.publishers < 2 else FIRST)
             if now >= min(ends, enough, until) or (
-                now >= found_by and not reader.publishers and not arrays
+                now >= found_by and not reader.publishers and silent
             ):
                 break
-    in_order = (goal for _, array in sorted(arrays) for goal in goals(array))
-    newest = {goal[:3]: goal for goal in in_order}
-    return one_of_each(_seen(*goal) for goal in newest.values())
-
-
-def one_of_each(seen: Iterable[GoalSeen]) -> list[GoalSeen]:
-    """Return one for each id: one that has not ended, if a server has such a one."""
-    told: dict[str, GoalSeen] = {}
-    for goal in seen:
-        if goal.goal_id not in told or not told[goal.goal_id].in_flight:
-            told[goal.goal_id] = goal
-    return list(told.values())
+    board = Board(most=math.inf)
+    board.take([_seen(*goal) for goal in told], time.time())
+    return board.sorted()
 
 
 def _seen(goal_id: bytes, seconds: int, nanoseconds: int, code: int) -> GoalSeen:

@@ -378,6 +378,16 @@ MUTANTS = (
     ),
     Mutant(
         "C2.8",
+        "a goal that one of two servers has ended counts as ended",
+        "_ros/stopping/goal_board.py",
+        "    found = list(states)\n",
+        "    found = [*states]\n    found = [each for each in found if each in _ENDED] or found\n",
+        (
+            "cli/test_goal_board.py::test_a_goal_that_two_servers_have_has_ended_where_both_have_ended_it",
+        ),
+    ),
+    Mutant(
+        "C2.8",
         "a goal that its server does not know yet counts as over",
         "_goal/machine.py",
         """self._unknown_to_another() if facts.lost else self._over()
