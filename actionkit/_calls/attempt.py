@@ -353,5 +353,7 @@ class Attempt:
     def _fire(self) -> None:
         while (timer := self._timers.pop_due()) is not None:
             confirmed_at = self._link.others_confirmed_at
+            seen = self.goal.stage is not Stage.LOST
             self._apply(self.goal.timer(timer, self._now(), others_confirmed_at=confirmed_at))
+            self._look_whether_lost(seen)
         self._timers.settle(self._fire)

@@ -56,7 +56,7 @@ class CancellableGoal(GoalRecord):
     def _ask_all_to_cancel(self, now: float) -> list[fx.Effect]:
         """Ask again: of several servers, one may not have been asked since it has the goal."""
         if self.facts.servers > 1:
-            self._shown_at = now  # what they answer to earlier requests says nothing about that
+            self._asked_all_at = now  # what they answer to earlier requests tells nothing about it
         return [fx.AskCancel()]
 
     def _leave(self, why: CancelReason) -> list[fx.Effect]:

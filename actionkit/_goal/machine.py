@@ -152,7 +152,7 @@ class Goal(CancellableGoal):
         if facts.ended and not facts.runs_seen:
             self.stage = Stage.OVER  # the acceptance of the server that has ended it came late
             return self._release()
-        facts.over = facts.lost = facts.left = facts.told = facts.refused = False
+        facts.over = facts.lost = facts.gone = facts.left = facts.told = facts.refused = False
         self.stage, self.cancelled_at, self._shown_at = Stage.ELSEWHERE, now, now
         return [fx.AskCancel(), fx.AskResult(anew=True), self._arm_reask(now)]
 
@@ -270,8 +270,16 @@ class Goal(CancellableGoal):
             return []
         facts = self.facts
         # A server that is just accepting the goal answers as if it did not know it (R12).
-        everybody = everybody and answers >= facts.servers - facts.away
         everybody = everybody and (facts.servers == 1 or asked_at >= self._shown_at + DOUBT)
+        unseen = everybody and answers < facts.servers - facts.away
+        if everybody:
+            self._one_unseen, everybody = unseen, not unseen
+        self._denied_lately |= unseen and self.stage is Stage.ELSEWHERE
+        if status is None and unseen:
+            # All others do not have it. They are asked again: this one may yet come into sight.
+            self._forgotten_at = self._forgotten_at or now
+            waited = now >= self._forgotten_at + LONGEST_PAUSE
+            return self._one_is_gone(now) if waited else []
         if status is None:
             return self._unknown(now, asked_at, own=own, everybody=everybody)
         effects = [] if self.stage is Stage.LOST else self._proven(now)
@@ -372,8 +380,8 @@ class Goal(CancellableGoal):
     def _one_is_gone(self, now: float) -> list[fx.Effect]:
         """One of several servers has left, and another has not said whether it accepts the goal.
 
-        It may have come too late for the request; then it never says so. A call without any limit
-        would wait for ever.
+        It may have come too late for the request; then it never says so. Or one that was never in
+        sight has accepted it. A call without any limit would wait for ever.
         """
         limit = LONGEST_PAUSE if self._timeouts.accept is None else self._timeouts.accept
         if self.stage is not Stage.ACCEPTED or now < self._shown_at + limit:
@@ -439,7 +447,7 @@ class Goal(CancellableGoal):
             return [*effects, fx.AskResult()]
         if self.state is not GoalState.CANCELING:
             effects.append(self._enter(GoalState.CANCELING))
-        if self.facts.servers > 1 and asked_at < self._shown_at:
+        if self.facts.servers > 1 and asked_at < max(self._shown_at, self._asked_all_at):
             effects.append(fx.AskCancel())  # another server may have it, and was not asked
         return effects + self._cancel_accepted(now)
 
@@ -528,7 +536,8 @@ class Goal(CancellableGoal):
         denied, self._denied_lately = self._denied_lately, False
         if denied and self._reask_after >= LONGEST_PAUSE:
             # A server that has answered for a minute has read the request.
-            return [fx.StopCancel(), *self._gone(now)] if self.facts.away else self._over()
+            gone = self.facts.away or self._one_unseen
+            return [fx.StopCancel(), *self._gone(now)] if gone else self._over()
         warn: list[fx.Effect] = []
         if self._reask_after == LONG_PAUSE and self.facts.runs_seen:
             warn = [fx.RunsElsewhere()]

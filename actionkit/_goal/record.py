@@ -54,6 +54,8 @@ class GoalRecord:
         self._shown_at = (
             -math.inf
         )  # when a server last showed that it has the goal; not the acceptance
+        self._asked_all_at = -math.inf  # when all servers were last asked again to cancel it
+        self._one_unseen = False  # one that may have it is not in sight, and was not seen to leave
         # How it ends for its caller, after other servers have stopped it, too.
         self._held: tuple[fx.End, Any, str] | None = None
 

@@ -129,6 +129,7 @@ class World:
             [
                 (
                     r.at >= goal._shown_at,
+                    r.at >= goal._asked_all_at,
                     r.at >= forgotten + DOUBT,
                     r.at >= goal._refused_at + DOUBT,
                     r.at >= self.cancel_at,

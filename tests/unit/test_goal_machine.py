@@ -622,6 +622,53 @@ def test_what_is_taken_back_is_not_over_before_each_server_that_accepted_it_has_
     assert facts.known_to_run is False
 
 
+def test_a_server_that_accepted_it_and_is_never_in_sight_does_not_run_it_for_ever() -> None:
+    """Nothing tells that it has left: only that all others have answered, again and again."""
+    goal = sent_to(1, accepted=2)
+    goal.result(GoalState.SUCCEEDED, None, 1.0, asked_at=0.5, answers=1)
+    now = 1.0
+    for pause in (1.0, 2.0, 4.0, 8.0, 16.0):
+        assert (goal.stage, goal.facts.known_to_run) == (Stage.ELSEWHERE, True)
+        now += pause
+        goal.timer(Timer.REASK, now)
+        goal.result(GoalState.SUCCEEDED, None, now, asked_at=now, answers=1)
+    assert goal.timer(Timer.REASK, now + 30.0) == [StopCancel(), Disarm(Timer.REASK)]
+    assert goal.facts.known_to_run is None
+    assert not goal.facts.blocks_another(unless_gone=True)
+    assert AskCancel() in goal.server_back(200.0)
+    goal.result(GoalState.SUCCEEDED, None, 202.0, asked_at=201.0, answers=2)
+    assert goal.facts.is_over
+
+
+def test_a_call_does_not_wait_for_ever_for_a_server_that_accepted_and_was_never_in_sight() -> None:
+    goal = sent_to(1, accepted=2, at=1.0, accept=5.0)
+    for now in (9.0, 38.9):  # it may come yet
+        assert goal.result(None, None, now, asked_at=now, answers=1) == []
+        assert AskResult() in goal.timer(Timer.REASK, now)
+    (ending,) = endings(goal.result(None, None, 39.0, asked_at=39.0, answers=1))
+    assert (ending.end, ending.lost_because) == (End.LOST, ONE_IS_GONE)
+    assert goal.facts.blocks_another(unless_gone=True)  # that it has left was not seen
+
+
+def test_what_is_taken_back_is_not_gone_with_the_server_that_had_it_first() -> None:
+    goal = sent_to(1, accepted=1)
+    goal.servers_changed(1, 1)
+    goal.server_lost("gone", 1.0)
+    goal.result(GoalState.SUCCEEDED, None, 1.0, asked_at=0.5)  # it has sent that before
+    again = Goal(goal.facts.goal_id, Timeouts())
+    again.taken_back(goal.facts, 1, 2.0)
+    again.server_lost("the other one is silent", 3.0)
+    assert again.facts.blocks_another(unless_gone=True)
+
+
+def test_a_caller_that_cancels_all_the_time_does_not_keep_it_from_being_over() -> None:
+    goal = on_two(accepted=2)
+    goal.result(GoalState.SUCCEEDED, None, 1.0, asked_at=0.5, everybody=False)
+    for tick in range(20, 30):
+        assert goal.give_up(CancelReason.CANCELLED, tick / 10) == [AskCancel()]
+    assert Release() in goal.result(None, None, 3.0, asked_at=2.9, answers=2)
+
+
 @pytest.mark.parametrize(
     ("asked_at", "everybody", "over"),
     [(1.0 + DOUBT, True, True), (1.0, True, False), (9.0, False, False)],

@@ -19,7 +19,7 @@ from actionkit._calls.left_running import LINGER
 from actionkit._calls.request import Request
 from actionkit._calls.session import Session, open_sessions
 from actionkit._goal.facts import GoalFacts
-from actionkit._goal.stages import CancelReason
+from actionkit._goal.stages import CancelReason, Stage
 from actionkit._threads.pool import Pool
 from tests.unit.clock import Clock
 
@@ -113,6 +113,17 @@ def test_a_goal_that_a_second_server_accepts_after_its_end_is_cancelled_and_watc
     assert world.link.forgotten == [world.facts]  # a third server may accept it, too
     world.session.release()
     assert len(world.queue) == 0
+
+
+def test_it_is_told_that_a_goal_is_lost_also_if_that_follows_from_time_only() -> None:
+    world = World()
+    told = list[object]()
+    world.session.on_goals_changed.add(lambda: told.append(world.attempt.goal.stage))
+    for _ in range(8):
+        world.attempt.on_result(None, None, world.time + 1.0, answers=1)
+        world.advance(16.0)
+    assert told == [Stage.LOST]
+    world.session._free()
 
 
 def test_a_call_that_has_attached_to_a_goal_that_is_accepted_late_decides() -> None:
