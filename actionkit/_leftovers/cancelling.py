@@ -17,7 +17,7 @@ from actionkit._model.values import CancelReport
 from actionkit._ros.native import GONE
 from actionkit._ros.stopping.cancel_goals import cancel_goals
 from actionkit._ros.stopping.cancelling import Cancelling
-from actionkit._ros.stopping.goal_board import FIRST, WatchedGoal
+from actionkit._ros.stopping.goal_board import DISCOVERY, FIRST, WatchedGoal
 from actionkit._ros.tools.survey import Survey
 from actionkit._threads.diagnostics import log_own_error
 from actionkit._threads.waiting import Flag
@@ -51,16 +51,18 @@ class CancellingCalls(Cancelling):
 
     def take_news(self, news: Any, wall: float) -> list[WatchedGoal]:
         """Record news from a `StatusReader`; cancel also the goals of the calls that it shows."""
+        known = set(self.board.goals)
         changed = super().take_news(news, wall)
         for goal in changed:
             goal_id = uuid.UUID(goal.goal_id)
             if (call := call_with(self._by_id, goal_id)) is None:
                 continue
-            self.add(goal.goal_id)
+            self.add(goal.goal_id, runs=not goal.ended)
             number = attempt_number(call.goal_id, goal_id)
             newest = self._newest[call] = max(number, self._newest.get(call, 0))
-            # Its process is dead, and sent a retry only when the goal before it had ended.
-            had_ended = goal.ended and not goal.before
+            # Its process is dead, and sent a retry only when the goal before it had ended. The
+            # first status of a server may be several, which it has kept.
+            had_ended = goal.ended and goal.goal_id not in known
             retries = had_ended and (goal.state != "SUCCEEDED" or call.judged)
             if number == newest < call.attempts and (retries or call.parallel):
                 self.add(str(attempt_id(call.goal_id, number + 1)))
@@ -68,12 +70,12 @@ class CancellingCalls(Cancelling):
                 self.add(str(attempt_id(call.goal_id, earlier)))
         return changed
 
-    def may_come(self, goal_id: str) -> bool:
-        """Whether a goal that no server knows may be accepted yet."""
+    def may_come(self, goal_id: str, now: float) -> bool:
+        """Whether a goal that no server knows may be accepted yet, or be on one not seen yet."""
         call = self._call_with(goal_id)
         if (newest := self._newest.get(call)) is None:
             few = len(self._by_id) - len(self._newest) < _MANY
-            return few or time.time() - call.sent < _LATE
+            return few or time.time() - call.sent < _LATE or self.looks_for(now) < DISCOVERY
         if call.parallel:
             return True
         is_next = attempt_number(call.goal_id, uuid.UUID(goal_id)) > newest
@@ -82,7 +84,16 @@ class CancellingCalls(Cancelling):
     @property
     def done(self) -> bool:
         """Whether the fate of every goal is known. One that is not stopped may end by itself."""
-        return super().done and all(fate.cancel != "REFUSED" for fate in self.fates)
+        refused = [fate.goal_id for fate in self.fates if fate.cancel == "REFUSED"]
+        rows = [self.board.goals.get(goal_id) for goal_id in refused]
+        return super().done and all(row and row.ended and row.state != "LOST" for row in rows)
+
+    def _ended(
+        self, row: WatchedGoal, target: Any, now: float, over: bool
+    ) -> tuple[str, str] | None:
+        if row.state == "LOST" and not over:
+            return None  # its server may come into sight again
+        return super()._ended(row, target, now, over)
 
     @property
     def reports(self) -> _Told:
@@ -137,22 +148,31 @@ def _cancel(
     for call in calls:
         by_name[call.action_name].append(call)
     actions = [CancellingCalls(name, left) for name, left in by_name.items()]
+    least = min(FIRST, seconds / 3)
+    for action in actions:
+        action.waits_for_status = least
+
+    def tell() -> None:
+        for action in actions:
+            action.settle(time.monotonic(), over=True)
+            if action.has_server:
+                told.update(action.reports)
+            elif seconds >= server:
+                unseen.update(by_name[action.name])
+        done.set()  # closing may take longer
+
+    def over(now: float) -> bool:
+        if now >= until and not done.is_set():
+            tell()
+        return now >= until
+
     try:
         with Survey(domain) as survey:
-            cancel_goals(
-                survey,
-                [*actions],
-                over=lambda now: now >= until,
-                look=min(server, until - time.monotonic()),
-                least=min(FIRST, seconds / 3),
-            )
-            for action in actions:
-                action.settle(time.monotonic(), over=True)
-                if action.has_server:
-                    told.update(action.reports)
-                elif seconds >= server:
-                    unseen.update(by_name[action.name])
-            done.set()  # closing may take longer
+            survey.on_look.append(lambda _: over(time.monotonic()))  # a server may have come late
+            look = min(server, until - time.monotonic())
+            cancel_goals(survey, [*actions], over=over, look=look, least=least)
+            if not done.is_set():
+                tell()
     except GONE:
         pass  # the program ends
     except Exception:  # noqa: BLE001  the goals in other domains count, too

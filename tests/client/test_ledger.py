@@ -10,9 +10,10 @@ import threading
 import time
 import uuid
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, suppress
+from contextlib import closing, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rclpy.context import Context
@@ -891,3 +892,83 @@ def test_a_call_has_stopped_when_all_its_goals_have():
         answers(action, SECOND, CancelAnswer.REFUSED if also else UNKNOWN, 1.1)
         action.settle(9.0, over=True)
         assert action.reports == {call: report}
+
+
+def test_a_goal_of_a_server_that_comes_into_sight_again_is_waited_for():
+    action = begun(call := call_is(attempts=1))
+    shows(action, FIRST, "EXECUTING")
+    assert action.to_ask_singly(1.0) == [str(FIRST)]
+    answers(action, FIRST, ACCEPTED, 1.1)
+    action.take_news((), 0.0)
+    action.settle(5.0, over=False)
+    assert not action.done
+    shows(action, FIRST, "EXECUTING")
+    assert action.to_ask_singly(5.1) == [str(FIRST)]
+    shows(action, FIRST, "CANCELED")
+    action.settle(5.2, over=False)
+    assert action.done
+    assert action.reports == {call: ak.CancelReport.CONFIRMED}
+
+
+@pytest.mark.parametrize("first", ["", "CANCELED"])
+def test_a_goal_that_is_seen_to_run_is_not_settled_any_more(first):
+    """There are many, sent long ago. A second server comes into sight late, and has it, too."""
+    call = call_is(attempts=1)
+    others = [replace(call, goal_id=uuid.uuid4()) for _ in range(cancelling._MANY)]
+    action = begun(call, *others)
+    for goal_id in action.to_ask_singly(1.0):
+        answers(action, goal_id, UNKNOWN, 1.1)
+    if first:
+        shows(action, FIRST, first, 1)
+    action.settle(3.4, over=False)
+    assert not action.done, "a second server may not be in sight yet"
+    action.settle(3.6, over=False)
+    assert action.done
+    action.seen(["/server_0", "/server_1"])
+    shows(action, FIRST, "EXECUTING", 2)
+    assert not action.done
+    assert action.to_ask_singly(4.0) == [str(FIRST)]
+    action.settle(9.0, over=True)
+    assert action.reports[call] is ak.CancelReport.UNKNOWN
+
+
+def test_a_goal_that_was_refused_and_ends_by_itself_is_not_waited_for():
+    action = begun(call := call_is(attempts=1))
+    shows(action, FIRST, "EXECUTING")
+    action.to_ask_singly(1.0)
+    answers(action, FIRST, CancelAnswer.REFUSED, 1.1)
+    action.settle(5.0, over=False)
+    shows(action, FIRST, "SUCCEEDED")
+    assert action.done
+    action.settle(5.1, over=True)
+    assert action.reports == {call: ak.CancelReport.NOT_NEEDED}
+
+
+def test_a_retry_may_come_after_a_goal_whose_server_keeps_several_statuses():
+    action = begun(call_is())
+    kept = [GoalSeen(str(FIRST), state, 0) for state in ("EXECUTING", "CANCELED")]
+    action.take_news(kept, 0.0)
+    assert action.to_ask_singly(1.0) == [str(SECOND)]
+
+
+@pytest.mark.parametrize("looks", [False, True])
+def test_what_is_known_at_the_end_is_told_before_the_subscriptions_are_closed(looks, monkeypatch):
+    """Pure. With `looks`, a server has come into sight so late that it is looked on after that."""
+    call, closed = call_is(), threading.Event()
+    survey = SimpleNamespace(on_look=[])
+
+    def cancels(_, actions, *, over, **__):
+        (action,) = actions
+        action.seen(["/server"])
+        shows(action, FIRST, "SUCCEEDED")
+        if looks:
+            until(lambda: [look({}) for look in survey.on_look] and closed.wait(0.01), bound=20)
+        until(lambda: over(time.monotonic()), bound=20)
+        closed.wait(20)
+
+    monkeypatch.setattr(cancelling, "Survey", lambda _: nullcontext(survey))
+    monkeypatch.setattr(cancelling, "cancel_goals", cancels)
+    try:
+        assert cancelling.cancel_all([call], 0.5, 5.0, set()) == {call: ak.CancelReport.NOT_NEEDED}
+    finally:
+        closed.set()

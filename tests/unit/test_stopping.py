@@ -124,6 +124,17 @@ def test_a_goal_that_is_seen_to_run_after_an_answer_is_asked_again(answer: Cance
     assert action.to_ask_singly(9.0) == []
 
 
+def test_a_goal_that_a_server_without_status_is_just_accepting_is_asked_for_again() -> None:
+    """Servers of micro-ROS answer meanwhile that it has ended."""
+    action = Cancelling("/a", [ONE])
+    action.seen(["/server"])
+    action.to_ask_singly(0.0)
+    assert action.to_ask_singly(1.0) == [ONE]
+    action.take(CancelSaid(ONE, CancelAnswer.TERMINATED), 1.1)
+    assert action.to_ask_singly(2.0) == []
+    assert action.to_ask_singly(2.2) == [ONE]
+
+
 def test_what_one_of_two_servers_does_not_know_may_be_on_the_other() -> None:
     action = Cancelling("/a", [ONE])
     action.seen(["/server", "/second"])

@@ -91,6 +91,8 @@ class Cancelling:
         self.every = goal_ids is None
         """Whether all goals are cancelled."""
         self._targets = {goal_id: _Target() for goal_id in goal_ids or ()}
+        self.waits_for_status = FIRST
+        """Seconds to wait for a status before goals are cancelled by their ids."""
         self._looks_since: float | None = None
         self._number = 0
         self._at = 0.0
@@ -124,16 +126,18 @@ class Cancelling:
         """Record news from a `StatusReader`; return the goals with a new state."""
         return self.board.take(news, wall)[0]
 
-    def add(self, goal_id: str) -> None:
-        """Cancel this goal, too."""
-        self._targets.setdefault(goal_id, _Target())
+    def add(self, goal_id: str, *, runs: bool = False) -> None:
+        """Cancel this goal, too. One that is seen to run is cancelled again if it was settled."""
+        target = self._targets.setdefault(goal_id, _Target())
+        if runs and target.fate is not None:
+            self._targets[goal_id] = _Target(consents=target.consents)
 
     def agreed(self, goal_id: str) -> bool:
         """Whether a server has agreed to cancel a goal: it was running then."""
         return self._targets[goal_id].consents > 0
 
-    def may_come(self, goal_id: str) -> bool:
-        """Whether a goal that no server knows may be accepted yet."""
+    def may_come(self, goal_id: str, now: float) -> bool:
+        """Whether a goal that no server knows may be accepted yet, or be on one not seen yet."""
         return self._may_come
 
     def take_all(self, said: Any, now: float) -> None:
@@ -182,13 +186,17 @@ class Cancelling:
         return {goal.goal_id for goal in self.board.goals.values() if not goal.ended}
 
     def has_looked(self, now: float) -> bool:
-        """Return whether a status has come, or a second has passed since the first call."""
+        """Return whether a status has come, or it was waited for since the first call."""
         if self._looks_since is None:
             self._looks_since = now
-        return bool(self.board.goals) or self._has_looked_long(now)
+        return bool(self.board.goals) or self.looks_for(now) >= self.waits_for_status
+
+    def looks_for(self, now: float) -> float:
+        """Return the seconds since the first call of `has_looked`."""
+        return 0.0 if self._looks_since is None else now - self._looks_since
 
     def _has_looked_long(self, now: float) -> bool:
-        return self._looks_since is not None and now - self._looks_since >= FIRST
+        return self.looks_for(now) >= FIRST
 
     def to_ask_singly(self, now: float) -> list[str]:
         """Return the goals to cancel by their ids now, each once."""
@@ -218,7 +226,9 @@ class Cancelling:
         new = []
         for goal_id, target in self._targets.items():
             goal = self.board.goals.get(goal_id)
-            silent = goal is None and target.consents and self._has_looked_long(now)
+            # micro-ROS' server calls a goal ended that it is just accepting.
+            known = target.consents or target.answer is CancelAnswer.TERMINATED
+            silent = goal is None and known and self._has_looked_long(now)
             runs = goal is not None and not goal.ended and goal.state != "CANCELING"
             answered = target.answer not in (None, CancelAnswer.REFUSED)
             if (silent or (runs and answered)) and now - target.since >= _AGAIN:
@@ -243,7 +253,7 @@ class Cancelling:
             if row is not None and row.ended and (target.fate is None or refused):
                 told = self._ended(row, target, now, over)
             elif target.fate is None:
-                told = _running(row, target, now, over, self.may_come(goal_id), self._most)
+                told = _running(row, target, now, over, self.may_come(goal_id, now), self._most)
             if told is not None:
                 target.fate = Fate(goal_id, told[0], row.state if row else "", told[1])
                 new.append(target.fate)

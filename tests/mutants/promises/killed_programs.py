@@ -153,8 +153,8 @@ MUTANTS = (
         "C12.2",
         "a goal that is accepted while it is asked for runs on",
         "_leftovers/cancelling.py",
-        "            return few or time.time() - call.sent < _LATE\n",
-        "            return False\n",
+        "            return few or time.time() - call.sent < _LATE",
+        "            return False",
         (
             "client/test_ledger.py::test_a_goal_that_may_be_accepted_yet_or_elsewhere_is_asked_for_until_then",
         ),
@@ -179,7 +179,7 @@ MUTANTS = (
         "C12.2",
         "a goal of a call that is seen is not cancelled",
         "_leftovers/cancelling.py",
-        "            self.add(goal.goal_id)\n",
+        "            self.add(goal.goal_id, runs=not goal.ended)\n",
         "",
         (
             "client/test_ledger.py::"
@@ -190,8 +190,8 @@ MUTANTS = (
         "C12.2",
         "a goal that is refused is given up on at once",
         "_leftovers/cancelling.py",
-        '        return super().done and all(fate.cancel != "REFUSED" for fate in self.fates)\n',
-        "        return super().done\n",
+        "        return super().done and all(row and row.ended",
+        "        return super().done and all(True or row.ended",
         ("client/test_ledger.py::test_a_goal_that_is_refused_is_waited_for_because_it_may_end",),
     ),
     Mutant(
@@ -201,6 +201,52 @@ MUTANTS = (
         "            if (silent or (runs and answered)) and",
         "            if silent and",
         ("unit/test_stopping.py::test_a_goal_that_is_seen_to_run_after_an_answer_is_asked_again",),
+    ),
+    Mutant(
+        "C12.2",
+        "a goal whose server is out of sight for a moment is given up on",
+        "_leftovers/cancelling.py",
+        '        if row.state == "LOST" and not over:\n',
+        "        if False:\n",
+        (
+            "client/test_ledger.py::test_a_goal_of_a_server_that_comes_into_sight_again_is_waited_for",
+        ),
+    ),
+    Mutant(
+        "C12.2",
+        "a goal that is seen to run stays settled",
+        "_ros/stopping/cancelling.py",
+        "        if runs and target.fate is not None:\n",
+        "        if False:\n",
+        ("client/test_ledger.py::test_a_goal_that_is_seen_to_run_is_not_settled_any_more",),
+    ),
+    Mutant(
+        "C12.2",
+        "many goals are settled before a second server is in sight",
+        "_leftovers/cancelling.py",
+        " or self.looks_for(now) < DISCOVERY\n",
+        "\n",
+        ("client/test_ledger.py::test_a_goal_that_is_seen_to_run_is_not_settled_any_more",),
+    ),
+    Mutant(
+        "C12.2",
+        "a retry is not cancelled where a server keeps several statuses",
+        "_leftovers/cancelling.py",
+        " and goal.goal_id not in known\n",
+        " and not goal.before\n",
+        (
+            "client/test_ledger.py::test_a_retry_may_come_after_a_goal_whose_server_keeps_several_statuses",
+        ),
+    ),
+    Mutant(
+        "C12.2",
+        "a goal that a server without status is just accepting runs on",
+        "_ros/stopping/cancelling.py",
+        "            known = target.consents or target.answer is CancelAnswer.TERMINATED\n",
+        "            known = target.consents\n",
+        (
+            "unit/test_stopping.py::test_a_goal_that_a_server_without_status_is_just_accepting_is_asked_for_again",
+        ),
     ),
     Mutant(
         "C12.2",
