@@ -15,11 +15,11 @@ import sys as _sys
 import typing as _typing
 
 if _typing.TYPE_CHECKING:  # the same as in `_MODULES`, for type checkers and editors
-    from actionkit._calls.budget import RetryBudget
-    from actionkit._calls.classify import classify_by_field, retry_aborted
-    from actionkit._calls.future import GoalFuture
+    from actionkit._calls.futures.future import GoalFuture
     from actionkit._calls.ledger.store import Leftover
-    from actionkit._calls.signals import cancel_on_signals
+    from actionkit._calls.on_signal.signals import cancel_on_signals
+    from actionkit._calls.retries.budget import RetryBudget
+    from actionkit._calls.retries.classify import classify_by_field, retry_aborted
     from actionkit._client import Client
     from actionkit._leftovers.ledger import Ledger
     from actionkit._messages.convert import from_plain, to_plain
@@ -133,7 +133,7 @@ _MODULES = {
     "GoalCanceledError": "_model.errors",
     "GoalEvent": "_model.values",
     "GoalFate": "_model.values",
-    "GoalFuture": "_calls.future",
+    "GoalFuture": "_calls.futures.future",
     "GoalNotReplacedError": "_model.errors",
     "GoalRejectedError": "_model.errors",
     "GoalUnknownError": "_model.errors",
@@ -152,7 +152,7 @@ _MODULES = {
     "PermanentError": "_model.errors",
     "ResultLostError": "_model.errors",
     "RetriesExhaustedError": "_model.errors",
-    "RetryBudget": "_calls.budget",
+    "RetryBudget": "_calls.retries.budget",
     "RetryPolicy": "_model.settings",
     "Rosout": "_observers.rosout",
     "SecurityError": "_model.errors",
@@ -162,11 +162,11 @@ _MODULES = {
     "Timeouts": "_model.settings",
     "TransientError": "_model.errors",
     "Verdict": "_model.values",
-    "cancel_on_signals": "_calls.signals",
-    "classify_by_field": "_calls.classify",
+    "cancel_on_signals": "_calls.on_signal.signals",
+    "classify_by_field": "_calls.retries.classify",
     "from_plain": "_messages.convert",
     "read_json_lines": "_observers.json_reader",
-    "retry_aborted": "_calls.classify",
+    "retry_aborted": "_calls.retries.classify",
     "to_plain": "_messages.convert",
 }
 """Where each public name is."""

@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING, Any, Generic, Literal
 
 from typing_extensions import Never, Self
 
-from actionkit._calls.blocking_guards import refuse_in_callback, warn_on_event_loop
-from actionkit._calls.budget import RetryBudget, check_budget
-from actionkit._calls.call import Call
-from actionkit._calls.classify import Classify, check_classify
-from actionkit._calls.closing import close, end_interrupted
-from actionkit._calls.drivers import in_thread
-from actionkit._calls.everything import cancel_everything
-from actionkit._calls.explain import invalid_goal
-from actionkit._calls.feedback import callbacks_for
-from actionkit._calls.future import GoalFuture
+from actionkit._calls.at_exit.closing import close, end_interrupted
+from actionkit._calls.cancel_everything import cancel_everything
+from actionkit._calls.errors.explain import invalid_goal
+from actionkit._calls.futures.feedback import callbacks_for
+from actionkit._calls.futures.future import GoalFuture
 from actionkit._calls.ledger.chosen import ledger_of
-from actionkit._calls.replacing import check_replaces
-from actionkit._calls.request import Request
+from actionkit._calls.retries.budget import RetryBudget, check_budget
+from actionkit._calls.retries.classify import Classify, check_classify
+from actionkit._calls.sending.call import Call
+from actionkit._calls.sending.replacing import check_replaces
+from actionkit._calls.sending.request import Request
 from actionkit._calls.transport import transport
+from actionkit._calls.waiting.blocking_guards import refuse_in_callback, warn_on_event_loop
+from actionkit._calls.waiting.drivers import in_thread
 from actionkit._messages.convert import from_plain
 from actionkit._model.action_type import ActionT_co, ActionType, FeedbackT, GoalT, ResultT
 from actionkit._model.arguments import UNSET, Unset, check_type
@@ -37,7 +37,7 @@ from actionkit._threads.function_runner import function_pool
 
 if TYPE_CHECKING:
     from actionkit._calls.ledger.file import LedgerFile
-    from actionkit._calls.session import OnClose, Session
+    from actionkit._calls.sending.session import OnClose, Session
 
 
 class Client(Generic[ActionT_co]):

@@ -128,7 +128,7 @@ def until_shutdown() -> Iterator[None]:
     """Let an executor spin until its context is shut down; rclpy reports that in several ways."""
     from rclpy.executors import ExternalShutdownException
 
-    from actionkit._ros.native import RCLError
+    from actionkit._ros.rclpy_private.native import RCLError
 
     try:
         yield

@@ -8,7 +8,7 @@ import signal
 from contextlib import suppress
 from pathlib import Path
 
-from actionkit.agents._hold import HoldListener
+from actionkit.agents._tool_calls.hold import HoldListener
 
 
 def known(listener: HoldListener, seconds: float) -> bool:
@@ -41,7 +41,7 @@ def end_keepers(domain: int) -> None:
 AGENT = """
 import asyncio
 import sys
-from actionkit.agents._hold import HoldListener
+from actionkit.agents._tool_calls.hold import HoldListener
 listener = HoldListener()
 print("known", asyncio.run(listener.until_known(30)), flush=True)
 for line in sys.stdin:

@@ -16,9 +16,9 @@ import pytest
 from test_msgs.action import Fibonacci
 
 from actionkit import Client, Timeouts
-from actionkit._ros.entities import Entities
-from actionkit._ros.port import Port
-from actionkit._ros.wait_set import MessageSource, Waiter
+from actionkit._ros.endpoints.entities import Entities
+from actionkit._ros.rclpy_private.wait_set import MessageSource, Waiter
+from actionkit._ros.sending.port import Port
 from tests.conftest import NEVER
 from tests.waiting import until
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from actionkit._ros.release import is_kilted_or_later
+from actionkit._ros.rclpy_private.release import is_kilted_or_later
 
 # rosidl loads its IDL parser with some of its modules, and that an old lark
 pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")

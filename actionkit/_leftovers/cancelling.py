@@ -14,11 +14,11 @@ from actionkit._calls.ledger.store import Leftover, attempt_id, attempt_number
 from actionkit._calls.transport import transport
 from actionkit._leftovers.finding import call_with, number_of
 from actionkit._model.values import CancelReport
-from actionkit._ros.native import GONE
-from actionkit._ros.stopping.cancel_goals import cancel_goals
-from actionkit._ros.stopping.cancelling import Cancelling
-from actionkit._ros.stopping.goal_board import DISCOVERY, FIRST, WatchedGoal
-from actionkit._ros.tools.survey import Survey
+from actionkit._ros.cancelling.cancel_goals import cancel_goals
+from actionkit._ros.cancelling.cancelling import Cancelling
+from actionkit._ros.others_goals.goal_board import DISCOVERY, FIRST, WatchedGoal
+from actionkit._ros.others_goals.survey import Survey
+from actionkit._ros.rclpy_private.native import GONE
 from actionkit._threads.diagnostics import log_own_error
 from actionkit._threads.waiting import Flag
 

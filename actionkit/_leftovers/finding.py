@@ -9,10 +9,10 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from actionkit._calls.ledger.store import Leftover, attempt_number
-from actionkit._ros.native import RCLError
-from actionkit._ros.stopping.goal_board import WatchedGoal
-from actionkit._ros.tools.topic import StoppedError
-from actionkit._ros.tools.watch import goals_seen
+from actionkit._ros.others_goals.goal_board import WatchedGoal
+from actionkit._ros.others_goals.topic import StoppedError
+from actionkit._ros.others_goals.watch import goals_seen
+from actionkit._ros.rclpy_private.native import RCLError
 from actionkit._threads.waiting import Flag
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from actionkit._threads.diagnostics import log_here
 from actionkit._threads.waiting import Flag
 
 if TYPE_CHECKING:
-    from actionkit._calls.future import GoalFuture
+    from actionkit._calls.futures.future import GoalFuture
     from actionkit._client import Client
     from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
 

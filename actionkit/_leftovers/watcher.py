@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 from actionkit._leftovers.ledger import Ledger
-from actionkit._model.own_module import command_for
+from actionkit._model.environment.own_module import command_for
 
 _SECONDS = 60.0
 """How long it goes on cancelling."""

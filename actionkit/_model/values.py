@@ -155,7 +155,8 @@ class GoalReport:
 
 
 to_html: Callable[[Timeline, Outcome[Any] | None], str] | None = None
-"""Draws for notebooks. `_calls.call_record` sets it, because what draws imports this module."""
+"""Draws for notebooks. `_calls.sending.call_record` sets it, because what draws imports this
+module."""
 
 
 class Timeline(tuple[GoalEvent, ...]):

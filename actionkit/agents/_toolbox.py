@@ -11,15 +11,15 @@ from typing import Any
 from typing_extensions import Self
 
 from actionkit._internal_api import in_thread
-from actionkit._model.domain import environment_domain
+from actionkit._model.environment.domain import environment_domain
 from actionkit._model.field_errors import shown
-from actionkit.agents._clients import Clients
-from actionkit.agents._config import Config, check_domain, read_config, read_file
-from actionkit.agents._goal_call import GoalCalls
-from actionkit.agents._goals import Goals, goals_result
-from actionkit.agents._results import refusal
+from actionkit.agents._answers.results import refusal
+from actionkit.agents._configuration.config import Config, check_domain, read_config, read_file
+from actionkit.agents._tool_calls.clients import Clients
+from actionkit.agents._tool_calls.goal_call import GoalCalls
+from actionkit.agents._tool_calls.goals import Goals, goals_result
+from actionkit.agents._tool_calls.topics import read_topic
 from actionkit.agents._tools import in_format, make_tools
-from actionkit.agents._topics import read_topic
 from actionkit.agents._values import GOALS, Approve, Json, OnProgress, Tool, ToolResult
 
 _CANCEL_WAIT = 3.0

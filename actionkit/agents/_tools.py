@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from actionkit._model.printable import full_stop
-from actionkit.agents._config import ActionConfig, Config, TopicConfig
-from actionkit.agents._results import ActionValue, GoalsValue, TopicValue
+from actionkit.agents._answers.results import ActionValue, GoalsValue, TopicValue
+from actionkit.agents._configuration.config import ActionConfig, Config, TopicConfig
 from actionkit.agents._values import DIALECT, GOALS, Tool
 
 _NO_INPUT = {"$schema": DIALECT, "type": "object", "properties": {}, "additionalProperties": False}
@@ -22,7 +22,7 @@ _GOALS_TEXT = (
 
 def make_tools(config: Config) -> tuple[Tool, ...]:
     """Return all tools of a configuration."""
-    from actionkit.agents._output import output_schema  # slow
+    from actionkit.agents._answers.output import output_schema  # slow
 
     actions = [
         Tool(

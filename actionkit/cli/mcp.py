@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from actionkit._model.domain import LAST_DOMAIN
+from actionkit._model.environment.domain import LAST_DOMAIN
 from actionkit._ros.workarounds.ros_wheels import find_libraries
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.options import HELP, debug_option
@@ -156,7 +156,7 @@ def _import_libraries() -> None:
 
 def _print_tools(file: str) -> None:
     _import_libraries()
-    from actionkit.agents._config import read_file
+    from actionkit.agents._configuration.config import read_file
     from actionkit.agents._tools import make_tools
 
     with _problems_of(file):

@@ -46,8 +46,8 @@ A wrong step raises a `ValueError` at once, which lists all possible steps.
 Importing this package does not import rclpy; only the server's own process imports it.
 """
 
+from actionkit.servers._behaviours.registry import names
 from actionkit.servers._events import ServerEvent
 from actionkit.servers._process import Server, start
-from actionkit.servers._registry import names
 
 __all__ = ["Server", "ServerEvent", "names", "start"]

@@ -17,11 +17,11 @@ from typing import IO, ClassVar
 from typing_extensions import Self
 
 from actionkit._messages.by_name import action_name as name_of
-from actionkit.servers._behaviour import Option, format_option
+from actionkit.servers._behaviours.behaviour import Option, format_option
+from actionkit.servers._behaviours.registry import behaviour_named, is_foreign
 from actionkit.servers._events import EventNotSeenError, Journal, ServerEvent
 from actionkit.servers._life import GOALS_VARIABLE, INSTANCE_VARIABLE
 from actionkit.servers._quiet import await_quiet
-from actionkit.servers._registry import behaviour_named, is_foreign
 
 _instances = itertools.count(1)
 _START_TIMEOUT = 20.0

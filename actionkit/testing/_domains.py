@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from actionkit._model.domain import environment_domain
-from actionkit._model.isolation import REMEDY, only_in, reserved
+from actionkit._model.environment.domain import environment_domain
+from actionkit._model.environment.isolation import REMEDY, only_in, reserved
 
 _FIRST, _LAST = 1, 101
 """Domains above 101 use ports in Linux's ephemeral range, where any program's connection may use

@@ -14,10 +14,10 @@ from rclpy.action.server import GoalEvent
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
 
-from actionkit.servers._behaviour import COMMON_OPTIONS, Behaviour, Process
-from actionkit.servers._harness import Harness
+from actionkit.servers._behaviours.behaviour import COMMON_OPTIONS, Behaviour, Process
 from actionkit.servers._life import Life
 from actionkit.servers._run import Journal, Run, ServerStopping
+from actionkit.servers._serving.harness import Harness
 from actionkit.testing._fake_plans import Plan, Script
 
 _LONGEST = 60

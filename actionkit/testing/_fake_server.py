@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Generic, Literal
 from typing_extensions import Self
 
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT, type_name_of
-from actionkit._model.domain import LAST_DOMAIN, environment_domain
-from actionkit._model.isolation import check_domain
+from actionkit._model.environment.domain import LAST_DOMAIN, environment_domain
+from actionkit._model.environment.isolation import check_domain
 from actionkit._model.missing import cannot_import
 from actionkit._model.settings import check_seconds
 from actionkit.servers._events import EventNotSeenError, Journal, ServerEvent
@@ -24,7 +24,7 @@ from actionkit.testing._fake_plans import Plan, Script
 
 if TYPE_CHECKING:
     from actionkit._ros.tools.presence import Presence
-    from actionkit.servers._harness import Harness
+    from actionkit.servers._serving.harness import Harness
 
 _log = logging.getLogger(__name__)
 _numbers = itertools.count(1)

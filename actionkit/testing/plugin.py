@@ -14,7 +14,7 @@ import pytest
 if TYPE_CHECKING:
     from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
     from actionkit.servers import Server
-    from actionkit.servers._behaviour import Option
+    from actionkit.servers._behaviours.behaviour import Option
     from actionkit.testing import FakeServer
 
 

@@ -35,7 +35,7 @@ class FakeHold:
         self.callbacks: list[Callable[[str], object]] = []
 
     def close(self) -> None:
-        from actionkit._ros import runtimes
+        from actionkit._ros.communication import runtimes
 
         runtimes.release(self.runtime, self)
         self.runtime.join_if_stopping(20.0)
@@ -74,13 +74,13 @@ def hold(monkeypatch: pytest.MonkeyPatch) -> FakeHold:
     fake = FakeHold()
 
     def listen(domain_id: int | None, on_hold: Callable[[str], object]) -> FakeHold:
-        from actionkit._ros import runtimes
+        from actionkit._ros.communication import runtimes
 
         fake.runtime = runtimes.acquire(domain_id, fake)  # the real one keeps a node, too
         fake.callbacks.append(on_hold)
         return fake
 
-    monkeypatch.setattr("actionkit.agents._clients.HoldListener", listen)
+    monkeypatch.setattr("actionkit.agents._tool_calls.clients.HoldListener", listen)
     return fake
 
 

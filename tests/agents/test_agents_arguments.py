@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 
 from actionkit._messages.convert import from_plain, to_plain
 from actionkit._model.similar_names import similar_names
-from actionkit.agents._argument_size import check_size
-from actionkit.agents._config_fields import read_fields
-from actionkit.agents._goal_model import GoalModel
+from actionkit.agents._arguments.argument_size import check_size
+from actionkit.agents._arguments.goal_model import GoalModel
+from actionkit.agents._configuration.config_fields import read_fields
 
 CLASSES = [
     "test_msgs.action:NestedMessage.Goal",
@@ -502,7 +502,7 @@ def test_problems_are_few_and_short(name: str, monkeypatch: pytest.MonkeyPatch) 
         compared.append(word)
         return similar_names(word, known)
 
-    monkeypatch.setattr("actionkit.agents._problems.similar_names", similar)
+    monkeypatch.setattr("actionkit.agents._arguments.problems.similar_names", similar)
     many = {f"{name}{i}": i for i in range(49_000 if len(name) < 10 else 100)}
     _, problems = basic().check(many)
     assert len(problems) == 10

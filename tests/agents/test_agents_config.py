@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from actionkit.agents import ConfigError, Toolbox
-from actionkit.agents._config import ActionConfig, read_config, read_file
+from actionkit.agents._configuration.config import ActionConfig, read_config, read_file
 from tests import forked
 from tests.agents.test_agents_arguments import goal_model
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from actionkit._messages.convert import from_plain
 from actionkit.agents import Toolbox
-from actionkit.agents._goal_call import _goal, _Refused
+from actionkit.agents._tool_calls.goal_call import _goal, _Refused
 from tests.hunting import many
 
 COUNT = many(10_000)

@@ -28,11 +28,11 @@ from actionkit import (
     Outcome,
     ServerLostError,
 )
-from actionkit._calls.call_view import GoalsOfCall
+from actionkit._calls.futures.call_view import GoalsOfCall
 from actionkit._goal.facts import GoalFacts
-from actionkit.agents._goal_call import _ask, _Refused, question_of
-from actionkit.agents._goals import GoalRecord, Goals
-from actionkit.agents._results import goal_value
+from actionkit.agents._answers.results import goal_value
+from actionkit.agents._tool_calls.goal_call import _ask, _Refused, question_of
+from actionkit.agents._tool_calls.goals import GoalRecord, Goals
 
 
 def value(status: GoalState, error: BaseException, why: str, result: Any) -> dict[str, Any]:

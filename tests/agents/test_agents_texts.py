@@ -29,9 +29,9 @@ from actionkit._messages import comments
 from actionkit._ros.holds.state import Hold
 from actionkit._ros.holds.words import who
 from actionkit.agents import Toolbox
-from actionkit.agents._goal_call import question_of
-from actionkit.agents._plain import plain_json
-from actionkit.agents._results import ErrorValue, goal_value
+from actionkit.agents._answers.plain import plain_json
+from actionkit.agents._answers.results import ErrorValue, goal_value
+from actionkit.agents._tool_calls.goal_call import question_of
 from tests.agents.conftest import FIBONACCI
 
 PYTHON = re.compile(r"`error\.|\w=|\w\(|None\b|\b[A-Z]\w*Error\b|\bTimeouts\b|Traceback|<class")

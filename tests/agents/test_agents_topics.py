@@ -15,10 +15,10 @@ import PIL.Image
 import pytest
 from sensor_msgs.msg import CompressedImage, Image
 
-from actionkit._ros.tools.survey import Survey
+from actionkit._ros.others_goals.survey import Survey
 from actionkit.agents import Toolbox
-from actionkit.agents._images import ImageError, to_image
-from actionkit.agents._plain import plain_json
+from actionkit.agents._answers.images import ImageError, to_image
+from actionkit.agents._answers.plain import plain_json
 from tests.waiting import until_in_loop
 
 PUBLISHER = """
@@ -105,7 +105,7 @@ def test_topics(
             assert "nobody publishes" in values["nobody"]["error"]["message"]
             assert "published as std_msgs/msg/String" in values["other"]["error"]["message"]
             assert (await toolbox.call("battery", {"x": 1})).is_error
-            monkeypatch.setattr("actionkit.agents._topics._WAIT", 600.0)
+            monkeypatch.setattr("actionkit.agents._tool_calls.topics._WAIT", 600.0)
             watching = made.enter_context(Survey())
             # Cancelling ends the subscription, and closing waits for no reading.
             waiting = asyncio.create_task(read("quiet"))
@@ -133,7 +133,7 @@ def test_topics(
 
 LEFT_OPEN = """
 import asyncio, atexit, threading
-from actionkit._ros.tools import topic
+from actionkit._ros.others_goals import topic
 from actionkit.agents import Toolbox
 reading = threading.Event()
 def arriving(self, stopped):

@@ -18,8 +18,8 @@ from actionkit._ros.holds.ours import new_hold
 from actionkit._ros.holds.state import Hold, HoldState
 from actionkit._ros.holds.topic import TOPIC
 from actionkit._ros.holds.view import HoldView
-from actionkit.agents import _goal_call
-from actionkit.agents._hold import HoldListener
+from actionkit.agents._tool_calls import goal_call
+from actionkit.agents._tool_calls.hold import HoldListener
 from actionkit.testing import isolated_domain
 from tests.conftest import Script
 from tests.holding import AGENT, known
@@ -349,4 +349,4 @@ def test_after_an_error_of_the_listener_it_is_not_known(monkeypatch: pytest.Monk
 
 
 def test_a_call_waits_for_what_a_killed_agent_cannot_tell() -> None:
-    assert max(views._FILES_DO, views.SETTLE) + 2.0 < _goal_call._UNTIL_KNOWN
+    assert max(views._FILES_DO, views.SETTLE) + 2.0 < goal_call._UNTIL_KNOWN

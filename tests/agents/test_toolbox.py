@@ -14,9 +14,9 @@ from test_msgs.action import Fibonacci
 
 from actionkit import Client
 from actionkit.agents import Progress, Toolbox
-from actionkit.agents._clients import Clients
-from actionkit.agents._goals import Goals
 from actionkit.agents._mcp.process import goals_left
+from actionkit.agents._tool_calls.clients import Clients
+from actionkit.agents._tool_calls.goals import Goals
 from actionkit.testing import isolated_domain
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import FIBONACCI, FakeHold, Make, seen, told
@@ -220,7 +220,7 @@ def test_nothing_is_sent_where_the_goals_of_others_cannot_be_looked_for(
     async def main() -> None:
         async with make_toolbox({"fib": FIBONACCI}) as toolbox:
             with monkeypatch.context() as patch:
-                patch.setattr("actionkit._ros.tools.watch.goals_in_flight", broken)
+                patch.setattr("actionkit._ros.others_goals.watch.goals_in_flight", broken)
                 refused = told(toolbox, await toolbox.call("fib", {"order": 1}))
                 assert (refused["status"], refused["error"]["type"]) == ("refused", "failed")
             assert (await toolbox.call("fib", {"order": 1})).value["status"] == "succeeded"

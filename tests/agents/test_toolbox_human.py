@@ -10,7 +10,8 @@ import pytest
 from test_msgs.action import Fibonacci
 
 from actionkit import Client, Verdict
-from actionkit.agents import ApprovalRequest, _clients
+from actionkit.agents import ApprovalRequest
+from actionkit.agents._tool_calls import clients
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import FIBONACCI, FakeHold, Make, seen, told
 from tests.waiting import until_in_loop
@@ -290,7 +291,7 @@ def test_a_call_waits_again_where_a_look_for_goals_made_the_stop_unknown(
         hold.is_known = True
         return True
 
-    monkeypatch.setattr("actionkit._ros.tools.watch.goals_in_flight", look)
+    monkeypatch.setattr("actionkit._ros.others_goals.watch.goals_in_flight", look)
     monkeypatch.setattr(hold, "until_known", known)
 
     async def main() -> None:
@@ -312,8 +313,8 @@ def test_a_failed_goal_is_sent_again_only_if_surely_nobody_has_stopped_the_robot
     free: bool,
 ) -> None:
     server = action_server("aborts")
-    transient = partial(_clients.client_in_domain, classify=lambda outcome: Verdict.TRANSIENT)
-    monkeypatch.setattr(_clients, "client_in_domain", transient)
+    transient = partial(clients.client_in_domain, classify=lambda outcome: Verdict.TRANSIENT)
+    monkeypatch.setattr(clients, "client_in_domain", transient)
     hold.surely_free = free
 
     async def main() -> dict[str, Any]:

@@ -10,7 +10,7 @@ from geometry_msgs.msg import Point
 from sensor_msgs.msg import BatteryState
 
 from actionkit.agents import ApprovalRequest, Progress
-from actionkit.agents._progress import telling
+from actionkit.agents._answers.progress import telling
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import BOUND, FIBONACCI, Make, told
 
@@ -19,7 +19,7 @@ from tests.agents.conftest import BOUND, FIBONACCI, Make, told
 def test_progress_comes_also_while_nothing_changes(
     make_toolbox: Make, action_server: ActionServerFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("actionkit.agents._progress._EVERY", 0.02)
+    monkeypatch.setattr("actionkit.agents._answers.progress._EVERY", 0.02)
     action_server("fibonacci", feedback=0, gate=1)
     seen_so_far: list[Progress] = []
 
@@ -46,7 +46,7 @@ def test_progress_comes_also_while_nothing_changes(
 def test_progress_comes_also_while_a_human_is_asked(
     make_toolbox: Make, action_server: ActionServerFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("actionkit.agents._progress._EVERY", 0.02)
+    monkeypatch.setattr("actionkit.agents._answers.progress._EVERY", 0.02)
     server = action_server("fibonacci", period=0.01)
 
     async def main() -> list[str]:
@@ -92,7 +92,7 @@ def test_progress_that_raises_harms_nobody(
 def test_the_end_of_a_call_is_the_end_even_if_on_progress_swallows_a_cancellation(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("actionkit.agents._progress._EVERY", 0.02)
+    monkeypatch.setattr("actionkit.agents._answers.progress._EVERY", 0.02)
 
     async def main() -> None:
         asked = asyncio.Event()

@@ -14,13 +14,13 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from actionkit._ros import runtimes
-from actionkit._ros.native import RCLError
-from actionkit._ros.tools import topic as topics
-from actionkit._ros.tools import watch
-from actionkit._ros.tools.topic import Reading, TopicReader, latest
-from actionkit._ros.tools.watch import goals_in_flight
-from actionkit._ros.wait_set import MessageSource
+from actionkit._ros.communication import runtimes
+from actionkit._ros.others_goals import topic as topics
+from actionkit._ros.others_goals import watch
+from actionkit._ros.others_goals.topic import Reading, TopicReader, latest
+from actionkit._ros.others_goals.watch import goals_in_flight
+from actionkit._ros.rclpy_private.native import RCLError
+from actionkit._ros.rclpy_private.wait_set import MessageSource
 from actionkit.testing import isolated_domain
 from tests.waiting import until
 

@@ -32,7 +32,7 @@ def test_a_server_in_sight_tells_the_type(world: World) -> None:
 @pytest.mark.long
 def test_a_server_is_waited_for(empty_world: World) -> None:
     looking = (
-        "import actionkit._ros.tools.survey as s; real = s.Survey.settled\n"
+        "import actionkit._ros.others_goals.survey as s; real = s.Survey.settled\n"
         "def settled(*a, **k): print('looking', flush=True); return real(*a, **k)\n"
         "s.Survey.settled = settled"
     )
@@ -60,7 +60,7 @@ def test_several_types_are_listed(empty_world: World) -> None:
     empty_world.stack.enter_context(other)
     # Which of the two is seen first is up to discovery.
     both = (
-        "import actionkit._ros.tools.survey as s; real = s.Survey.settled\n"
+        "import actionkit._ros.others_goals.survey as s; real = s.Survey.settled\n"
         "def settled(self, *a, enough, **k):\n"
         "    two = lambda seen: enough(seen) and len(seen['/fibonacci'].types) == 2\n"
         "    return real(self, *a, enough=two, **k)\n"

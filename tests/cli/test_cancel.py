@@ -12,10 +12,10 @@ from test_msgs.action import Fibonacci
 
 from actionkit import Client, GoalState, Timeouts, servers
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit._model.domain import Domain
-from actionkit._ros.stopping.cancelling import _SETTLE, Cancelling
-from actionkit._ros.tools.cancel import AllSaid, CancelSaid
-from actionkit._ros.tools.watch import GoalSeen
+from actionkit._model.environment.domain import Domain
+from actionkit._ros.cancelling.cancel import AllSaid, CancelSaid
+from actionkit._ros.cancelling.cancelling import _SETTLE, Cancelling
+from actionkit._ros.others_goals.watch import GoalSeen
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli.cancel_and_stop._stop_table import exit_of
 from tests.cli.conftest import FIBONACCI, Running, World
@@ -133,8 +133,8 @@ def test_an_accepted_cancellation_is_no_canceled_goal(world: World) -> None:
 
 LATE = """
 import threading, time
-import actionkit._ros.stopping.cancel_goals as c
-from actionkit._ros.tools.survey import Survey
+import actionkit._ros.cancelling.cancel_goals as c
+from actionkit._ros.others_goals.survey import Survey
 see, put_into, began = Survey.actions, c._putter, []
 def actions(self):
     began.append(time.monotonic())
@@ -150,7 +150,7 @@ Survey.actions, c._putter = actions, putter
 
 
 NAMELESS = """
-import actionkit._ros.tools.survey as s
+import actionkit._ros.others_goals.survey as s
 from dataclasses import replace
 endpoints = s._endpoints
 s._endpoints = lambda infos: tuple(replace(end, node="") for end in endpoints(infos))
@@ -174,7 +174,7 @@ def test_a_goal_of_a_server_that_comes_into_sight_slowly_is_told_of(
 
 
 AWAKE = """
-import actionkit._ros.stopping.cancelling as c
+import actionkit._ros.cancelling.cancelling as c
 real = c.Cancelling.take_news
 def take(self, *news):
     real(self, *news)

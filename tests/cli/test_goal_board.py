@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from actionkit._ros import graph
-from actionkit._ros.names import ActionNames
-from actionkit._ros.stopping.goal_board import Board
-from actionkit._ros.tools.watch import GoalSeen, StatusReader
+from actionkit._ros.endpoints import graph
+from actionkit._ros.endpoints.names import ActionNames
+from actionkit._ros.others_goals.goal_board import Board
+from actionkit._ros.others_goals.watch import GoalSeen, StatusReader
 from actionkit.cli.watch import watch
 from actionkit.cli.watch._screens import TableScreen
 from tests.unit.test_wire import status_array

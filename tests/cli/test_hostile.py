@@ -13,7 +13,7 @@ from rich.console import Console
 from test_msgs.action import Fibonacci
 
 from actionkit import cli
-from actionkit._ros.stopping.goal_board import Board
+from actionkit._ros.others_goals.goal_board import Board
 from actionkit.cli._shared import options as _options
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.say import say

@@ -18,7 +18,7 @@ import pytest
 from test_msgs.action import Fibonacci
 
 from actionkit import Client, GoalState
-from actionkit.agents._hold import HoldListener
+from actionkit.agents._tool_calls.hold import HoldListener
 from actionkit.cli._shared.exits import Exit
 from tests.cli.conftest import Running, World
 from tests.holding import AGENT, end_keepers, keepers, known

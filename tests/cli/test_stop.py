@@ -21,7 +21,7 @@ from actionkit import Client, GoalFuture, GoalState, servers
 from actionkit._ros.holds import view
 from actionkit._ros.holds.ours import new_hold
 from actionkit._ros.holds.state import HoldState
-from actionkit.agents._hold import HoldListener
+from actionkit.agents._tool_calls.hold import HoldListener
 from actionkit.cli._shared.exits import Exit
 from actionkit.servers import Server
 from tests import forked

@@ -213,7 +213,9 @@ def test_debug_shows_where_an_error_comes_from(empty_world: World) -> None:
 
 
 def test_an_error_that_nobody_thought_of_is_one_line(empty_world: World) -> None:
-    broken = "import actionkit._ros.tools.survey as s; s.Survey.settled = lambda *a, **k: 1 / 0"
+    broken = (
+        "import actionkit._ros.others_goals.survey as s; s.Survey.settled = lambda *a, **k: 1 / 0"
+    )
     done = empty_world.run_apart("list", before=broken)
     assert done.code == Exit.FAILED
     assert done.err.splitlines() == [
@@ -240,7 +242,7 @@ def test_an_output_that_cannot_be_written_is_told(empty_world: World) -> None:
 def test_what_libraries_write_to_standard_output_is_not_in_it(empty_world: World) -> None:
     """Fast DDS does, where something is wrong."""
     noisy = (
-        "import os, actionkit._ros.tools.survey as s; real = s.Survey.settled\n"
+        "import os, actionkit._ros.others_goals.survey as s; real = s.Survey.settled\n"
         "def settled(*a, **k): os.write(1, b'noise\\n'); return real(*a, **k)\n"
         "s.Survey.settled = settled"
     )

@@ -9,15 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from actionkit._calls import (
-    error_texts,
-    graph_snapshot,
-    machine,
-    retry,
-    retry_runner,
-    still_running,
-)
-from actionkit._calls.budget import RetryBudget
+from actionkit._calls.errors import error_texts, graph_snapshot, still_running
+from actionkit._calls.retries import retry, retry_runner
+from actionkit._calls.retries.budget import RetryBudget
+from actionkit._calls.sending import machine
 from actionkit._goal import cancelling
 from actionkit._goal import machine as goal_machine
 from actionkit._threads.function_runner import LONGEST_ANSWER

@@ -18,8 +18,8 @@ from rclpy.node import Node
 from test_msgs.action import Fibonacci, NestedMessage
 
 from actionkit import Client
-from actionkit._ros.native import RCLError
-from actionkit._ros.release import is_kilted_or_later
+from actionkit._ros.rclpy_private.native import RCLError
+from actionkit._ros.rclpy_private.release import is_kilted_or_later
 from actionkit.testing import isolated_domain
 from tests import forked
 from tests.client.test_node import in_use

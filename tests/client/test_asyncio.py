@@ -96,7 +96,7 @@ def test_the_wait_for_confirmation_is_bounded(action_server, make_client):
 def test_a_cancelled_task_is_told_at_once_what_may_still_run(
     name, options, why, turns, action_server, make_client, caplog, monkeypatch
 ):
-    monkeypatch.setattr("actionkit._calls.left_running._muted", False)
+    monkeypatch.setattr("actionkit._calls.futures.goals_left._muted", False)
     server = action_server(name, **options)
     client = make_client(timeouts=Timeouts(cancel=1.0))
 

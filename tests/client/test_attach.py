@@ -292,9 +292,9 @@ def test_a_request_that_comes_late_cancels_nothing_that_was_sent_after_it(
     """The server gets it at once; but for its time stamp, it was sent before the goal."""
     server = action_server("never_finishes")
     theirs = running(server, others)
-    monkeypatch.setattr("actionkit._ros.tools.watch.StatusReader._take", lambda *_: None)
+    monkeypatch.setattr("actionkit._ros.others_goals.watch.StatusReader._take", lambda *_: None)
     earlier = SimpleNamespace(monotonic=time.monotonic, time=lambda: time.time() - 60.0)
-    monkeypatch.setattr("actionkit._calls.everything.time", earlier)
+    monkeypatch.setattr("actionkit._calls.cancel_everything.time", earlier)
     assert client.cancel_everything() == {}
     server.sync()
     assert str(theirs.goal_id) in server.running()
@@ -403,5 +403,5 @@ def test_a_goal_of_this_client_that_stops_at_once_is_told_of(action_server, clie
         until(lambda: not self.calls)
         return True
 
-    monkeypatch.setattr("actionkit._calls.session.Session.wait_for_server", wait_for_server)
+    monkeypatch.setattr("actionkit._calls.sending.session.Session.wait_for_server", wait_for_server)
     assert client.cancel_everything(30) == {future.goal_id: CancelReport.CONFIRMED}

@@ -9,7 +9,7 @@ import pytest
 
 import actionkit as ak
 from actionkit import CancelReport, GoalState, Timeouts
-from actionkit._calls import session as _session
+from actionkit._calls.sending import session as _session
 from actionkit.testing import EventLog
 from tests.conftest import asked_to_cancel, cancels, is_accepted, runs_nothing
 from tests.waiting import until
@@ -299,7 +299,7 @@ def test_a_goal_that_is_watched_no_more_leaves_nothing_on_a_shared_thread(
 
 def test_a_silent_server_does_not_hold_up_closing(action_server, make_client, capfd, monkeypatch):
     # A test of a command may have muted it in this process.
-    monkeypatch.setattr("actionkit._calls.left_running._muted", False)
+    monkeypatch.setattr("actionkit._calls.futures.goals_left._muted", False)
     server = action_server("silent")
     client = make_client(timeouts=Timeouts(cancel=0.3))
     future = client.call_async({"order": 1})

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from rclpy.context import Context
 
-from actionkit._model.domain import LAST_DOMAIN, environment_domain
-from actionkit._ros.native import RCLError
+from actionkit._model.environment.domain import LAST_DOMAIN, environment_domain
+from actionkit._ros.rclpy_private.native import RCLError
 
 TEXTS = (
     "",

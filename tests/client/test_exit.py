@@ -68,7 +68,7 @@ rclpy.shutdown()
 """,
     "the client was interrupted while it was made": """
 import atexit
-from actionkit._calls import session
+from actionkit._calls.sending import session
 atexit.register(lambda: [print(t) for t in threading.enumerate() if t.name == 'actionkit'])
 session.Session = None  # it raises in the place of Ctrl-C
 try:

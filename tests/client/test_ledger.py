@@ -26,9 +26,9 @@ from actionkit._calls.ledger.store import _transaction, attempt_id
 from actionkit._leftovers import cancelling, finding
 from actionkit._leftovers.cancelling import CancellingCalls
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit._ros.stopping.goal_board import Board
-from actionkit._ros.tools.cancel import CancelSaid
-from actionkit._ros.tools.watch import GoalSeen
+from actionkit._ros.cancelling.cancel import CancelSaid
+from actionkit._ros.others_goals.goal_board import Board
+from actionkit._ros.others_goals.watch import GoalSeen
 from actionkit.agents._mcp import process
 from tests.conftest import runs_nothing
 from tests.waiting import until
@@ -611,7 +611,7 @@ INTERRUPTS_CANCEL = """
 import atexit, os, signal, threading
 atexit.register(lambda: print([t.name for t in threading.enumerate() if t.name == "actionkit"]))
 from actionkit import Ledger
-from actionkit._ros.tools.survey import Survey
+from actionkit._ros.others_goals.survey import Survey
 look = Survey.actions
 
 def look_after_ctrl_c(self):

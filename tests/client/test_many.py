@@ -16,7 +16,7 @@ import pytest
 from test_msgs.action import Fibonacci
 
 from actionkit import Client, GoalState, RetryPolicy, Timeouts
-from actionkit._ros.outbox import WINDOW
+from actionkit._ros.communication.outbox import WINDOW
 from actionkit._ros.servers.readiness import State
 from tests.conftest import without_noise
 from tests.hunting import REPEAT

@@ -17,7 +17,8 @@ from test_msgs.msg import Empty as EmptyMessage
 from test_msgs.srv import Empty
 
 from actionkit import Client, ClientClosedError
-from actionkit._ros import own_node, port, runtimes
+from actionkit._ros.communication import own_node, runtimes
+from actionkit._ros.sending import port
 from actionkit._ros.workarounds.listener_hang import stop_listening
 from actionkit.testing import EventLog
 from tests.conftest import all_is_logged, until_shutdown

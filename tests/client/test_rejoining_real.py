@@ -14,10 +14,10 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from actionkit import Client, ClientClosedError, Timeouts
-from actionkit._ros import own_node
-from actionkit._ros.runtime import Runtime
-from actionkit._ros.tools.survey import Survey
-from actionkit._ros.workarounds.rejoining import _TRIES_ALONE, SWITCH
+from actionkit._ros.communication import own_node
+from actionkit._ros.communication.runtime import Runtime
+from actionkit._ros.others_goals.survey import Survey
+from actionkit._ros.workarounds.node_replacement import _TRIES_ALONE, SWITCH
 from tests.conftest import NEVER
 
 GOAL = {"order": 3}
@@ -36,7 +36,7 @@ def runtime_of(client: Client[Any]) -> Runtime:
 
 def tries(client: Client[Any]) -> int:
     runtime = runtime_of(client)
-    return runtime.run(lambda: runtime.rejoining._tries)
+    return runtime.run(lambda: runtime.node_replacement._tries)
 
 
 def has_tried(client: Client[Any], times: int) -> bool:
@@ -107,7 +107,7 @@ def test_in_a_context_of_the_users_there_is_no_second_try(action_server, make_cl
     try:
         publishers = list(node.publishers)
         client = make_client(node=node, timeouts=PATIENT)
-        assert runtime_of(client).run(lambda: runtime_of(client).rejoining._looks) == 0
+        assert runtime_of(client).run(lambda: runtime_of(client).node_replacement._looks) == 0
         future = client.call_async(GOAL, timeout=60)
         action_server("fibonacci")
         assert list(future.result(60).sequence) == [0, 1, 1, 2]
@@ -148,7 +148,7 @@ def test_no_second_try_once_a_server_was_seen(action_server, make_client):
     # However many looks follow, and whether or not that server is still in view.
     runtime.run(lambda: link.monitor.readiness.matched(0))
     assert runtime.run(link.has_seen_servers)
-    runtime.run(runtime.rejoining._look)
+    runtime.run(runtime.node_replacement._look)
     assert tries(client) == tried
     assert not future.done() or not future.outcome().ok
 
@@ -185,7 +185,7 @@ def test_a_second_try_that_fails_ends_the_calls_with_its_error(make_client, monk
 def test_the_switch_leaves_one_node(make_client, monkeypatch):
     monkeypatch.setenv(SWITCH, "0")
     client = make_client()
-    assert runtime_of(client).run(lambda: runtime_of(client).rejoining._looks) == 0
+    assert runtime_of(client).run(lambda: runtime_of(client).node_replacement._looks) == 0
     assert tries(client) == 0
 
 
@@ -198,7 +198,7 @@ node = rclpy.create_node("users")
 client = Client(Fibonacci, "fibonacci", node=node, timeouts=Timeouts(server=60))
 assert client.wait_for_server(60)
 runtime = client._session.port.runtime
-runtime.run(runtime.rejoining.replace_node)
+runtime.run(runtime.node_replacement.replace_node)
 assert runtime.is_apart
 grown_old = threading.Timer(2.0, print, ["old"], {"flush": True})
 client.call({"order": 1}, on_feedback=lambda feedback: grown_old.start())

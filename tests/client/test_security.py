@@ -2,7 +2,7 @@
 
 import pytest
 
-from actionkit._model.security import Security, security
+from actionkit._model.environment.security import Security, security
 
 FILES = (
     *("identity_ca.cert.pem", "permissions_ca.cert.pem", "cert.pem", "key.pem"),

@@ -9,7 +9,7 @@ import pytest
 
 import actionkit as ak
 from actionkit import GoalState, RetryPolicy, Timeouts
-from actionkit._calls import session
+from actionkit._calls.sending import session
 from tests.conftest import NEVER, all_is_logged, is_accepted, runs_nothing
 from tests.player import player
 from tests.waiting import until

@@ -21,7 +21,8 @@ from rclpy.node import Node
 from test_msgs.action import Fibonacci
 
 from actionkit import CancelReport, Client, ClientClosedError, GoalState, Rosout, cancel_on_signals
-from actionkit._calls import session, signals
+from actionkit._calls.on_signal import signals
+from actionkit._calls.sending import session
 from actionkit._ros.workarounds.listener_hang import stop_listening
 from actionkit.testing import EventLog
 from tests.client.test_node import spinning, user_node

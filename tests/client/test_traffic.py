@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from actionkit import Client, RetryPolicy
-from actionkit._ros.runtime import Runtime
+from actionkit._ros.communication.runtime import Runtime
 
 
 def turns(client: Client, monkeypatch: pytest.MonkeyPatch) -> list[None]:

@@ -114,7 +114,7 @@ def test_closing_names_each_goal_that_only_one_of_two_servers_has_cancelled(
     action_server, make_client, caplog, monkeypatch
 ):
     # A test of a command may have muted it in this process.
-    monkeypatch.setattr("actionkit._calls.left_running._muted", False)
+    monkeypatch.setattr("actionkit._calls.futures.goals_left._muted", False)
     quick, slow = action_server("never_finishes"), action_server("slow_accept", gate=1, period=0.1)
     client = make_client(retry=ONCE, timeouts=Timeouts(cancel=0.5))
     assert sees(client, 2)

@@ -14,8 +14,8 @@ from test_msgs.action import Fibonacci, NestedMessage
 from actionkit import (
     ServerLostError,
 )
-from actionkit.servers._executors import ThreadPerGoalExecutor
-from actionkit.servers._harness import Harness, JournalledServer
+from actionkit.servers._serving.executors import ThreadPerGoalExecutor
+from actionkit.servers._serving.harness import Harness, JournalledServer
 from actionkit.testing import FakeServer, isolated_domain
 from tests.fake_server.conftest import FIELDS, NOT_RETRIED
 from tests.rclpy_client import Driver

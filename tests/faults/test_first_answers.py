@@ -9,12 +9,12 @@ import sys
 
 import pytest
 
-from actionkit._ros.workarounds.rejoining import _TRIES_ALONE, SWITCH
+from actionkit._ros.workarounds.node_replacement import _TRIES_ALONE, SWITCH
 
 PROGRAM = """
 import json, sys, time
 from actionkit import Client
-from actionkit._ros import runtime
+from actionkit._ros.communication import runtime
 from test_msgs.action import Fibonacci
 
 made = []
@@ -28,7 +28,7 @@ runtime.make_node = make
 with Client(Fibonacci, "fibonacci") as client:
     result = client.call({"order": 3}, timeout=60)
     found = time.monotonic()
-    patience = client._session.port.runtime.rejoining._patience
+    patience = client._session.port.runtime.node_replacement._patience
 print(
     json.dumps(
         {

@@ -190,7 +190,7 @@ def test_a_participant_of_our_own_keeps_the_names_and_the_end_of_the_users_conte
         """
 import rclpy
 from actionkit import Client
-from actionkit._ros import runtimes
+from actionkit._ros.communication import runtimes
 from test_msgs.action import Fibonacci
 
 rclpy.init(args=["--ros-args", "-r", "fibonacci:=another_name"])

@@ -13,8 +13,8 @@ from typing import IO, Any
 
 import rclpy  # noqa: F401  its libraries are those that rclcpp needs
 
+from actionkit.servers._behaviours.registry import behaviour_named
 from actionkit.servers._life import INSTANCE_VARIABLE
-from actionkit.servers._registry import behaviour_named
 from tests.native.build import library, prefix
 
 KINDS = frozenset(

@@ -13,9 +13,9 @@ from test_msgs.action import Fibonacci, NestedMessage
 
 from actionkit import servers
 from actionkit.cli._app import app
-from actionkit.servers._behaviour import COMMON_OPTIONS, Behaviour
-from actionkit.servers._contents import message_of
-from actionkit.servers._registry import is_foreign
+from actionkit.servers._behaviours.behaviour import COMMON_OPTIONS, Behaviour
+from actionkit.servers._behaviours.registry import is_foreign
+from actionkit.servers._serving.contents import message_of
 from tests import forked
 from tests.rclpy_client import ABORTED, CANCELED, OK, PATIENCE, SUCCEEDED, Driver
 

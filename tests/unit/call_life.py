@@ -26,12 +26,12 @@ from actionkit import (
     Timeouts,
     Verdict,
 )
-from actionkit._calls import call as call_module
-from actionkit._calls import call_record as record_module
-from actionkit._calls.attempt import Attempt
-from actionkit._calls.call import Call
-from actionkit._calls.graph_snapshot import GraphSnapshot
-from actionkit._calls.request import Request
+from actionkit._calls.errors.graph_snapshot import GraphSnapshot
+from actionkit._calls.sending import call as call_module
+from actionkit._calls.sending import call_record as record_module
+from actionkit._calls.sending.attempt import Attempt
+from actionkit._calls.sending.call import Call
+from actionkit._calls.sending.request import Request
 from actionkit._goal.facts import GoalFacts
 from actionkit._goal.stages import DOUBT
 from actionkit._model import errors

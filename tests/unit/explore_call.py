@@ -16,10 +16,10 @@ from types import SimpleNamespace
 from typing import Any
 
 from actionkit import CancelReport, Timeouts
-from actionkit._calls import effects as cx
-from actionkit._calls import retry
-from actionkit._calls.budget import RetryBudget
-from actionkit._calls.machine import CallMachine, Phase
+from actionkit._calls.retries import retry
+from actionkit._calls.retries.budget import RetryBudget
+from actionkit._calls.sending import effects as cx
+from actionkit._calls.sending.machine import CallMachine, Phase
 from actionkit._goal import effects as fx
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import CancelReason, Stage
@@ -77,7 +77,7 @@ def may_run(undecided: int, does: str) -> bool:
 
 
 class Attempt:
-    """What `_calls.attempt` does, without a link."""
+    """What `_calls.sending.attempt` does, without a link."""
 
     def __init__(self, goal_id: uuid.UUID, goal: Goal, number: int) -> None:
         self.goal_id, self.goal, self.number = goal_id, goal, number

@@ -66,7 +66,7 @@ class Server(NamedTuple):
 
 
 class Request(NamedTuple):
-    """One request for the result, or to cancel the goal; as in `_ros.requests`."""
+    """One request for the result, or to cancel the goal; as in `_ros.sending.requests`."""
 
     at: float
     sent_to: frozenset[int]
@@ -150,7 +150,7 @@ class World:
         held = goal._held and goal._held[0]
         return (*mine, held, astuple(goal.facts)[1:], repr(times), driver, tuple(self.servers))
 
-    # --- the driver: `_calls.attempt` ------------------------------------------------------
+    # --- the driver: `_calls.sending.attempt` -----------------------------------------------------
 
     def apply(self, effects: list[fx.Effect]) -> None:
         for effect in effects:
@@ -224,7 +224,7 @@ class World:
         back = self.sent_to & self.up and not (facts.servers > 1 and facts.away)
         self.apply((self.goal.server_back if back else self.goal.server_ready)(self.now))
 
-    # --- the driver: `_ros.requests`, `_ros.cancels`, `_ros.link` --------------------------
+    # --- the driver: `_ros.sending.requests`, `_ros.cancelling.cancels`, `_ros.sending.link` ------
 
     @property
     def up(self) -> frozenset[int]:

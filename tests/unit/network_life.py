@@ -20,11 +20,11 @@ from rclpy.qos import QoSProfile
 from test_msgs.action import Fibonacci
 
 from actionkit import Timeouts
-from actionkit._calls.attempt import Attempt
+from actionkit._calls.sending.attempt import Attempt
 from actionkit._goal.effects import Ending, Record
 from actionkit._goal.stages import CancelReason
-from actionkit._ros import link as link_module
-from actionkit._ros.names import ActionNames
+from actionkit._ros.endpoints.names import ActionNames
+from actionkit._ros.sending import link as link_module
 from tests.unit.clock import CommunicationThread
 
 TYPE = "test_msgs/action/Fibonacci"
@@ -144,7 +144,7 @@ class NetworkLife(CommunicationThread):
             get_subscriptions_info_by_topic=lambda *_, **__: [],
             get_name=lambda: "ours",
         )
-        self.rejoining = SimpleNamespace(links={})
+        self.node_replacement = SimpleNamespace(links={})
         self.standstill = SimpleNamespace(watch=lambda: None)
         self._windows: dict[type, Any] = {}
         self._free_at: dict[str, float] = {}

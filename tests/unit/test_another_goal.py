@@ -15,15 +15,15 @@ from typing import Any, cast
 import pytest
 
 from actionkit import GoalState, RetryPolicy, Timeouts
-from actionkit._calls.call_view import GoalsOfCall
-from actionkit._calls.machine import CallMachine
-from actionkit._calls.replacing import not_stopped
-from actionkit._calls.retry import may_try_again
+from actionkit._calls.futures.call_view import GoalsOfCall
+from actionkit._calls.retries.retry import may_try_again
+from actionkit._calls.sending.machine import CallMachine
+from actionkit._calls.sending.replacing import not_stopped
 from actionkit._goal.effects import LastNews
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import Stage
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit.agents._goals import GoalRecord, Goals
+from actionkit.agents._tool_calls.goals import GoalRecord, Goals
 from actionkit.trees._runs import Runs
 from tests.tables import Page
 from tests.unit.call_life import CallLife

@@ -58,18 +58,18 @@ PURE = (
     "_model",
     "_observers.json_schema",
     "_threads.clock",
-    "_calls.effects",
-    "_calls.error_texts",
-    "_calls.explain",
-    "_calls.machine",
-    "_calls.still_running",
-    "_calls.retry",
-    "_ros.cancels",
+    "_calls.sending.effects",
+    "_calls.errors.error_texts",
+    "_calls.errors.explain",
+    "_calls.sending.machine",
+    "_calls.errors.still_running",
+    "_calls.retries.retry",
+    "_ros.cancelling.cancels",
     "_ros.holds.state",
-    "_ros.outbox",
-    "_ros.stopping.cancelling",
-    "_ros.stopping.goal_board",
-    "_ros.wire",
+    "_ros.communication.outbox",
+    "_ros.cancelling.cancelling",
+    "_ros.others_goals.goal_board",
+    "_ros.answers.wire",
 )
 ROS = ("rclpy", "action_msgs", "unique_identifier_msgs")
 
@@ -175,7 +175,11 @@ def test_there_are_no_cycles() -> None:
 def test_servers_use_nothing_of_the_client_but_what_every_node_needs() -> None:
     used = {o for name in modules() if package_of(name) == "servers" for o in own_imports(name)}
     others = {name for name in used if package_of(name) != "servers"}
-    assert others == {"_messages.by_name", "_ros.native", "_ros.workarounds.listener_hang"}
+    assert others == {
+        "_messages.by_name",
+        "_ros.rclpy_private.native",
+        "_ros.workarounds.listener_hang",
+    }
 
 
 def test_helpers_for_tests_use_two_tools_of_the_client() -> None:
@@ -207,9 +211,13 @@ def test_agents_do_not_touch_rclpy() -> None:
 
 
 def test_three_modules_touch_the_private_parts_of_rclpy() -> None:
-    assert imports_package("_ros.native", "rclpy.impl")
+    assert imports_package("_ros.rclpy_private.native", "rclpy.impl")
     for name, path in library().items():
-        if name in ("_ros.native", "_ros.wait_set", "_ros.executors"):
+        if name in (
+            "_ros.rclpy_private.native",
+            "_ros.rclpy_private.wait_set",
+            "_ros.rclpy_private.executors",
+        ):
             continue
         for full in imports(name, runtime=False):
             parts = full.split(".")
@@ -236,7 +244,9 @@ def test_pure_modules_know_no_threads_no_clock_and_no_middleware(name: str) -> N
 
 
 def test_one_module_touches_tenacity() -> None:
-    assert {name for name in library() if imports_package(name, "tenacity")} == {"_calls.retry"}
+    assert {name for name in library() if imports_package(name, "tenacity")} == {
+        "_calls.retries.retry"
+    }
 
 
 def test_one_module_touches_opentelemetry() -> None:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import RetryBudget
-from actionkit._calls.budget import check_budget
+from actionkit._calls.retries.budget import check_budget
 
 
 def test_a_new_budget_is_full_and_allows_retries() -> None:

@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 
 from actionkit import GoalFate, GoalReport, GoalState, Verdict
-from actionkit._calls import effects as cx
-from actionkit._calls.machine import CallMachine, Phase
-from actionkit._calls.retry import GiveUp, Retry
+from actionkit._calls.retries.retry import GiveUp, Retry
+from actionkit._calls.sending import effects as cx
+from actionkit._calls.sending.machine import CallMachine, Phase
 from actionkit._goal import effects as fx
 from actionkit._goal.effects import End, Ending, LastNews
 from actionkit._goal.facts import GoalFacts

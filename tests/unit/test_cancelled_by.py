@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from actionkit import Timeouts
-from actionkit._calls.attempt import Attempt
+from actionkit._calls.sending.attempt import Attempt
 from actionkit._model.cancel_answer import CancelAnswer
 from tests.unit.clock import Clock
 

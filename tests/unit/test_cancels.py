@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit._ros.cancels import ANSWERED_WITHIN, CancelQueue, CancelWindow
-from actionkit._ros.outbox import WINDOW
+from actionkit._ros.cancelling.cancels import ANSWERED_WITHIN, CancelQueue, CancelWindow
+from actionkit._ros.communication.outbox import WINDOW
 from tests.unit.clock import Clock
 
 

@@ -13,7 +13,7 @@ from test_msgs.msg import Arrays, WStrings
 
 import actionkit
 from actionkit import GoalState, Outcome, Verdict, classify_by_field
-from actionkit._calls.classify import (
+from actionkit._calls.retries.classify import (
     apply_verdict,
     call_classifier,
     check_classify,

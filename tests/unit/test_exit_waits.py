@@ -7,10 +7,10 @@ from typing import Any, cast
 
 import pytest
 
-from actionkit._calls import exit as _exit
-from actionkit._calls.closing import await_ends
-from actionkit._calls.future import GoalFuture
-from actionkit._calls.last_request import LastRequest
+from actionkit._calls.at_exit import exit as _exit
+from actionkit._calls.at_exit.closing import await_ends
+from actionkit._calls.futures.future import GoalFuture
+from actionkit._calls.sending.last_request import LastRequest
 
 GRACE = 0.5
 

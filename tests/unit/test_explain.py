@@ -27,10 +27,10 @@ from actionkit import (
     Timeouts,
     Verdict,
 )
-from actionkit._calls.error_context import ErrorContext
-from actionkit._calls.error_texts import TEXTS
-from actionkit._calls.explain import explain
-from actionkit._calls.graph_snapshot import GraphSnapshot
+from actionkit._calls.errors.error_context import ErrorContext
+from actionkit._calls.errors.error_texts import TEXTS
+from actionkit._calls.errors.explain import explain
+from actionkit._calls.errors.graph_snapshot import GraphSnapshot
 from actionkit._goal.effects import AskCancel, End, Ending, Fault, LastNews
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.field_errors import FieldError

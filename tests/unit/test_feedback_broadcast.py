@@ -11,8 +11,8 @@ from typing import Any
 from call_life import CallLife
 
 from actionkit import GoalState
-from actionkit._calls.feedback import KEPT
-from actionkit._calls.feedback_broadcast import FeedbackBroadcast, FeedbackStream
+from actionkit._calls.futures.feedback import KEPT
+from actionkit._calls.futures.feedback_broadcast import FeedbackBroadcast, FeedbackStream
 
 LONG = 10.0
 

@@ -12,8 +12,14 @@ from typing import Any
 
 import pytest
 
-from actionkit._calls.feedback import KEPT, Callbacks, LoopCallbacks, ThreadCallbacks, callbacks_for
-from actionkit._calls.feedback_broadcast import FeedbackBroadcast
+from actionkit._calls.futures.feedback import (
+    KEPT,
+    Callbacks,
+    LoopCallbacks,
+    ThreadCallbacks,
+    callbacks_for,
+)
+from actionkit._calls.futures.feedback_broadcast import FeedbackBroadcast
 from actionkit._messages.lazy import LazyMessage, UndecodableError
 from actionkit._threads.pool import Pool, in_callback
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from actionkit._ros.feedback import FeedbackWatch
+from actionkit._ros.answers.feedback import FeedbackWatch
 from tests.unit.clock import CommunicationThread
 
 OURS, ALSO_OURS, THEIRS = (bytes([number]) * 16 for number in (1, 2, 3))

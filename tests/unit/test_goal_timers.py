@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from actionkit._calls.goal_timers import GoalTimers
+from actionkit._calls.sending.goal_timers import GoalTimers
 from actionkit._goal.effects import Timer
 from tests.unit.clock import Clock
 

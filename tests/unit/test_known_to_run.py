@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from actionkit import GoalFate, GoalState, Timeouts
-from actionkit._calls.call_view import GoalsOfCall
+from actionkit._calls.futures.call_view import GoalsOfCall
 from actionkit._goal.effects import Timer
 from actionkit._goal.facts import GoalFacts
 from actionkit._goal.machine import Goal

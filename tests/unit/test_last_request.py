@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from actionkit import GoalState, Timeouts
-from actionkit._calls.last_request import LastRequest
+from actionkit._calls.sending.last_request import LastRequest
 from actionkit._goal.effects import AskCancel, Timer
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import DOUBT, CancelReason

@@ -13,10 +13,10 @@ from action_msgs.srv import CancelGoal
 from rclpy.qos import QoSProfile
 from test_msgs.action import Fibonacci
 
-from actionkit._ros import link
-from actionkit._ros.link import Link
-from actionkit._ros.names import ActionNames
-from actionkit._ros.outbox import WINDOW
+from actionkit._ros.communication.outbox import WINDOW
+from actionkit._ros.endpoints.names import ActionNames
+from actionkit._ros.sending import link
+from actionkit._ros.sending.link import Link
 from tests.unit.clock import CommunicationThread
 from tests.unit.test_wire import status_array
 
@@ -141,7 +141,7 @@ class World(CommunicationThread):
             get_name=lambda: "ours",
         )
         self.windows: dict[type, Any] = {}
-        self.rejoining = SimpleNamespace(links={})
+        self.node_replacement = SimpleNamespace(links={})
         self.watched = 0
         self.standstill = SimpleNamespace(watch=self._watch)
         self.link: Any = Link(  # type: ignore[arg-type]

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from actionkit._calls.feedback import ThreadCallbacks
+from actionkit._calls.futures.feedback import ThreadCallbacks
 from actionkit._threads import in_hand
 from actionkit._threads.in_hand import FUNCTIONS, WARN_AFTER, Dues, InHand, Label, name_of
 from actionkit._threads.pool import Pool

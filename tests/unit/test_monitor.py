@@ -18,10 +18,10 @@ import pytest
 from rclpy.exceptions import InvalidHandle
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from actionkit._ros.entities import Entities
-from actionkit._ros.listener import GoalListener, Waiter
-from actionkit._ros.names import ActionNames
-from actionkit._ros.runtime import Runtime
+from actionkit._ros.answers.listener import GoalListener, Waiter
+from actionkit._ros.communication.runtime import Runtime
+from actionkit._ros.endpoints.entities import Entities
+from actionkit._ros.endpoints.names import ActionNames
 from actionkit._ros.servers.monitor import ServerMonitor
 from actionkit._ros.servers.restarts import SEEMS_REPLACED
 from tests.conftest import all_is_logged

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit._ros.outbox import WINDOW, Outbox, Window
+from actionkit._ros.communication.outbox import WINDOW, Outbox, Window
 
 
 def key(number: int) -> bytes:

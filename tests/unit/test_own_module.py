@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from actionkit._model.own_module import command_for
+from actionkit._model.environment.own_module import command_for
 
 
 def test_it_gets_its_words_and_imports_from_where_this_process_does(

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from actionkit._ros import graph
-from actionkit._ros.graph import Endpoint
-from actionkit._ros.names import ActionNames
+from actionkit._ros.endpoints import graph
+from actionkit._ros.endpoints.graph import Endpoint
+from actionkit._ros.endpoints.names import ActionNames
 from actionkit._ros.servers.readiness import ServerReadiness, State
 from tests.unit.clock import Clock
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from actionkit._ros import graph
-from actionkit._ros.workarounds.rejoining import SWITCH, Rejoining, is_wanted
+from actionkit._ros.endpoints import graph
+from actionkit._ros.workarounds.node_replacement import SWITCH, NodeReplacement, is_wanted
 from tests.unit.clock import Clock
 
 
@@ -30,7 +30,7 @@ class FakeLink:
 
 
 class Graph:
-    """What the communication thread does for `Rejoining`."""
+    """What the communication thread does for `NodeReplacement`."""
 
     def __init__(self) -> None:
         self.clock = Clock()
@@ -39,24 +39,24 @@ class Graph:
         self.free = True
         self.alone = False
         self.took = 0.02
-        self.rejoining = Rejoining(
+        self.node_replacement = NodeReplacement(
             self.clock,
-            can_leave=lambda links: self.free and links == len(self.rejoining.links),
+            can_leave=lambda links: self.free and links == len(self.node_replacement.links),
             is_alone=lambda: self.alone,
             renew=self._renew,
             on_failure=self.failures.append,
         )
         self.link = self.add()
-        self.rejoining.joined(self.took, 0.02)
+        self.node_replacement.joined(self.took, 0.02)
 
     def add(self) -> FakeLink:
         link = FakeLink(self.events)
-        self.rejoining.links[link] = None
+        self.node_replacement.links[link] = None
         return link
 
     def _renew(self) -> Any:
         self.events.append("renew")
-        self.rejoining.joined(self.took, 0.02)
+        self.node_replacement.joined(self.took, 0.02)
         return "node"
 
     @property
@@ -135,7 +135,7 @@ def test_a_node_that_stays_in_use_is_looked_at_a_few_times_only(network):
 
 
 def test_without_clients_the_node_stays(network):
-    network.rejoining.links.clear()
+    network.node_replacement.links.clear()
     network.clock.advance(3600)
     assert network.renewed == 0
 

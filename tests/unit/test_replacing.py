@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from actionkit import GoalFate, GoalReport
-from actionkit._calls import replacing
-from actionkit._calls.call_view import GoalsOfCall
-from actionkit._calls.replacing import Replacing, check_replaces, not_stopped, to_replace
+from actionkit._calls.futures.call_view import GoalsOfCall
+from actionkit._calls.sending import replacing
+from actionkit._calls.sending.replacing import Replacing, check_replaces, not_stopped, to_replace
 from actionkit._goal.facts import GoalFacts
 from tests.unit.call_life import CallLife
 from tests.unit.clock import Clock

@@ -9,8 +9,8 @@ import pytest
 
 from actionkit._goal.stages import DOUBT
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit._ros.cancels import CancelWindow
-from actionkit._ros.requests import ServiceRequests
+from actionkit._ros.cancelling.cancels import CancelWindow
+from actionkit._ros.sending.requests import ServiceRequests
 from actionkit._ros.servers.readiness import UNNAMED
 from tests.unit import clock
 from tests.unit.call_life import CallLife

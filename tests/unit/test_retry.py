@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import GoalState, RetryBudget, RetryPolicy, ServerLostError
-from actionkit._calls.retry import (
+from actionkit._calls.retries.retry import (
     GiveUp,
     Retry,
     Schedule,
@@ -23,7 +23,7 @@ from actionkit._calls.retry import (
     may_try_again,
     plan,
 )
-from actionkit._calls.retry_runner import RetryRunner
+from actionkit._calls.retries.retry_runner import RetryRunner
 from actionkit._goal.effects import End, Ending, Fault, LastNews
 from actionkit._threads.clock import TimerHandle
 

@@ -13,11 +13,11 @@ from typing import Any, cast
 import pytest
 
 from actionkit import GoalState, RetryBudget, RetryPolicy, Timeouts, retry_aborted
-from actionkit._calls.attempt import Attempt, CallForgotten
-from actionkit._calls.closing import end_calls
-from actionkit._calls.left_running import LINGER
-from actionkit._calls.request import Request
-from actionkit._calls.session import Session, open_sessions
+from actionkit._calls.at_exit.closing import end_calls
+from actionkit._calls.futures.goals_left import LINGER
+from actionkit._calls.sending.attempt import Attempt, CallForgotten
+from actionkit._calls.sending.request import Request
+from actionkit._calls.sending.session import Session, open_sessions
 from actionkit._goal.facts import GoalFacts
 from actionkit._goal.stages import CancelReason, Stage
 from actionkit._threads.pool import Pool

@@ -18,10 +18,10 @@ from unittest.mock import patch
 import pytest
 
 from actionkit import GoalEvent, GoalState, Outcome
-from actionkit._calls.call_view import GoalsOfCall
-from actionkit._calls.feedback_broadcast import FeedbackBroadcast
-from actionkit._calls.future import GoalFuture
-from actionkit._calls.session import Session, open_sessions
+from actionkit._calls.futures.call_view import GoalsOfCall
+from actionkit._calls.futures.feedback_broadcast import FeedbackBroadcast
+from actionkit._calls.futures.future import GoalFuture
+from actionkit._calls.sending.session import Session, open_sessions
 from actionkit._goal.effects import End
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import Timeline

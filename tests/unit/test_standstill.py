@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from clock import Clock
 
-from actionkit._ros.wait_set import ResponseSource
+from actionkit._ros.rclpy_private.wait_set import ResponseSource
 from actionkit._ros.workarounds.standstill import BELIEVED_AFTER, FOUND_WITHIN, NOTICED, Standstill
 
 LOOK = 2.0

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rclpy.exceptions import InvalidHandle
 
-from actionkit._ros.status import StatusWatch
+from actionkit._ros.answers.status import StatusWatch
 from tests.unit.clock import CommunicationThread
 from tests.unit.test_wire import status_array
 

@@ -13,12 +13,12 @@ from typing import Any, cast
 import pytest
 
 from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._ros.cancelling.cancel import AllSaid, CancelSaid
+from actionkit._ros.cancelling.cancel_goals import cancel_goals
+from actionkit._ros.cancelling.cancelling import Cancelling
 from actionkit._ros.holds.state import Hold, HoldState, Sender, encode
 from actionkit._ros.holds.view import Said
-from actionkit._ros.stopping.cancel_goals import cancel_goals
-from actionkit._ros.stopping.cancelling import Cancelling
-from actionkit._ros.tools.cancel import AllSaid, CancelSaid
-from actionkit._ros.tools.watch import GoalSeen
+from actionkit._ros.others_goals.watch import GoalSeen
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli.cancel_and_stop import _keeper, stop
 from actionkit.cli.cancel_and_stop._holding import agents_told, release
@@ -347,9 +347,9 @@ class Graph:
         self.asks: list[int] = []
         """The numbers of the requests to cancel all."""
         self._others_send = others_send
-        monkeypatch.setattr("actionkit._ros.tools.watch.StatusReader", self._read)
-        monkeypatch.setattr("actionkit._ros.tools.cancel.GoalCanceller", self._canceller)
-        monkeypatch.setattr("actionkit._ros.stopping.cancel_goals._ANSWER", 0.0)
+        monkeypatch.setattr("actionkit._ros.others_goals.watch.StatusReader", self._read)
+        monkeypatch.setattr("actionkit._ros.cancelling.cancel.GoalCanceller", self._canceller)
+        monkeypatch.setattr("actionkit._ros.cancelling.cancel_goals._ANSWER", 0.0)
 
     def actions(self) -> dict[str, Any]:
         servers = [SimpleNamespace(node="/server")]

@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError
 
 import pytest
 
-from actionkit._ros import release
+from actionkit._ros.rclpy_private import release
 from actionkit._ros.workarounds import udp_only
 
 EARLIER, LATER = "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"

@@ -12,9 +12,9 @@ from test_msgs.srv import Empty as EmptyService
 
 from actionkit._model.action_type import type_name_of
 from actionkit._model.arguments import UNSET, check_function, check_type
-from actionkit._model.domain import domain_of_text, environment_domain
+from actionkit._model.environment.domain import domain_of_text, environment_domain
+from actionkit._model.environment.isolation import REMEDY, check_domain, only_in, reserved
 from actionkit._model.goal_ids import goal_id_of
-from actionkit._model.isolation import REMEDY, check_domain, only_in, reserved
 
 ID = uuid.UUID("12345678-1234-5678-1234-567812345678")
 

@@ -15,8 +15,8 @@ from test_msgs.action import Fibonacci, NestedMessage
 from test_msgs.msg import BasicTypes
 from unique_identifier_msgs.msg import UUID
 
-from actionkit._ros import wire
-from actionkit._ros.wire import count_goals, feedback_alone, feedback_goal_id, goal_states
+from actionkit._ros.answers import wire
+from actionkit._ros.answers.wire import count_goals, feedback_alone, feedback_goal_id, goal_states
 
 FEW = 64  # up to so many ids each is searched for; more are looked up entry by entry
 

@@ -19,10 +19,10 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
-from actionkit._ros import runtimes
-from actionkit._ros.native import RCLError
-from actionkit._ros.own_node import make_node
-from actionkit._ros.wait_set import subscribe_raw
+from actionkit._ros.communication import runtimes
+from actionkit._ros.communication.own_node import make_node
+from actionkit._ros.rclpy_private.native import RCLError
+from actionkit._ros.rclpy_private.wait_set import subscribe_raw
 
 TOPIC = "/actionkit/hold"
 _NODE = "actionkit_hold_"

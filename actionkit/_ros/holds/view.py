@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from actionkit._model.domain import environment_domain
+from actionkit._model.environment.domain import environment_domain
 from actionkit._ros.holds import state as states
 from actionkit._ros.holds.files import HoldFiles
 from actionkit._ros.holds.ours import who_we_are

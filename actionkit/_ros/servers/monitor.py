@@ -13,16 +13,16 @@ from dataclasses import dataclass
 
 from rclpy.exceptions import InvalidHandle
 
-from actionkit._ros import graph
-from actionkit._ros.entities import Entities
-from actionkit._ros.listener import GoalListener, Waiter
-from actionkit._ros.names import ActionNames
-from actionkit._ros.native import RCLError
-from actionkit._ros.runtime import Runtime
+from actionkit._ros.answers.listener import GoalListener, Waiter
+from actionkit._ros.communication.runtime import Runtime
+from actionkit._ros.endpoints import graph
+from actionkit._ros.endpoints.entities import Entities
+from actionkit._ros.endpoints.names import ActionNames
+from actionkit._ros.rclpy_private.native import RCLError
+from actionkit._ros.servers.found_by_server import FoundByServer
 from actionkit._ros.servers.liveness import Liveness
 from actionkit._ros.servers.readiness import UNNAMED, ServerReadiness
 from actionkit._ros.servers.restarts import SEEMS_REPLACED, RestartDetector
-from actionkit._ros.servers.way_back import WayBack
 from actionkit._threads.clock import TimerGroup
 from actionkit._threads.diagnostics import log_later
 
@@ -103,10 +103,10 @@ class ServerMonitor:
             on_ready=self._on_ready,
             on_change=self._on_change,
             on_mismatch=self._on_mismatch,
-            on_complete=lambda: self._way_back.watch(),  # noqa: PLW0108  it is made below
+            on_complete=lambda: self._found_by_server.watch(),  # noqa: PLW0108  it is made below
             action_type=type_name,
         )
-        self._way_back = WayBack(runtime, entities, self.readiness.known)
+        self._found_by_server = FoundByServer(runtime, entities, self.readiness.known)
         if entities.matched is None:
             self._poll_matched()
 
@@ -115,7 +115,7 @@ class ServerMonitor:
         self._closed = True
         self._timers.close()
         self.readiness.close()
-        self._way_back.stop()
+        self._found_by_server.stop()
 
     # --- waiting for a server --------------------------------------------------------------
 
@@ -185,7 +185,7 @@ class ServerMonitor:
         """Handle that the node is replaced: the new one will discover the servers again."""
         self._doubted |= self.readiness.servers
         self.readiness.leave()
-        self._way_back.stop()
+        self._found_by_server.stop()
 
     def _end_hold(self) -> None:
         if self._closed or self._timers.now() < self._held_until:
@@ -258,7 +258,7 @@ class ServerMonitor:
                 yield listener, goal
 
     def _on_ready(self) -> None:
-        self._way_back.stop()
+        self._found_by_server.stop()
         awaiting, self._awaiting = self._awaiting, {}
         for waiter in awaiting:
             waiter.on_server_ready()
@@ -317,7 +317,7 @@ class ServerMonitor:
         if not self.readiness.servers:
             for waiter in [*self._queued(), *self._awaiting]:
                 waiter.on_server_lost(reason)
-            self._way_back.stop()
+            self._found_by_server.stop()
             self._look()  # for listeners that waited for an answer
 
     def _reconsider(self, goal: _SentGoal, came: frozenset[bytes]) -> None:

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import Enum, auto
 
-from actionkit._ros.graph import Endpoint
+from actionkit._ros.endpoints.graph import Endpoint
 from actionkit._threads.clock import Timers
 
 _FIRST_STEP = 0.001

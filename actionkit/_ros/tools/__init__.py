@@ -1,1 +1,1 @@
-"""Tools of the command line that use ROS: looking at the graph, watching, cancelling."""
+"""Tools for tests and for `actionkit doctor`."""

@@ -10,7 +10,8 @@ from weakref import WeakSet
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 
-from actionkit._ros import native, runtimes
+from actionkit._ros.communication import runtimes
+from actionkit._ros.rclpy_private import native
 
 _left_out: WeakSet[Context] = WeakSet()
 

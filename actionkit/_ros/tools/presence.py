@@ -10,11 +10,11 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from actionkit._model.domain import environment_domain
+from actionkit._model.environment.domain import environment_domain
 from actionkit._model.errors import ActionTypeMismatchError
-from actionkit._ros import runtimes
-from actionkit._ros.port import Port, ServerWait
-from actionkit._ros.runtime import Runtime
+from actionkit._ros.communication import runtimes
+from actionkit._ros.communication.runtime import Runtime
+from actionkit._ros.sending.port import Port, ServerWait
 from actionkit._ros.tools.contexts import default_domain
 
 _LEFT_WITHIN = 5.0

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from action_msgs.srv import CancelGoal
 from rclpy.qos import QoSProfile
 
-from actionkit._ros import runtimes
-from actionkit._ros.runtime import Runtime
-from actionkit._ros.wait_set import ResponseSource
+from actionkit._ros.communication import runtimes
+from actionkit._ros.communication.runtime import Runtime
+from actionkit._ros.rclpy_private.wait_set import ResponseSource
 
 _DEPTH = 100
 """Depth of the queue of answers; far more than there are servers on one name."""

@@ -10,7 +10,7 @@ The servers have dropped this process, too. If this process read their announcem
 leases ran out, they find its publishers again, but not its subscriptions: the servers are in sight,
 but nothing that they send arrives here. (This was seen when an entity was made in the second before
 the stop.) Only a new participant gets messages again. So the servers get a question that every live
-server answers, and if no answer comes, the node is replaced, as `rejoining` does.
+server answers, and if no answer comes, the node is replaced, as `node_replacement` does.
 
 The replacing can be deleted when `pytest --long tests/faults/test_stopped_programs.py` passes
 without it on the oldest Fast DDS that is supported, which is 2.14 of ROS 2 Jazzy. That a loss is

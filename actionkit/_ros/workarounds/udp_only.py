@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from actionkit._ros.release import is_kilted_or_later
+from actionkit._ros.rclpy_private.release import is_kilted_or_later
 
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _LOCALHOST_ONLY = "ROS_LOCALHOST_ONLY"

@@ -16,6 +16,7 @@ from mcp.server.request_state import RequestStateBoundary, RequestStateSecurity
 from mcp.shared.exceptions import MCPError
 
 from actionkit._model.field_errors import shown
+from actionkit.agents._answers.results import refusal
 from actionkit.agents._mcp.approval import (
     MODERN,
     PATIENCE,
@@ -26,7 +27,6 @@ from actionkit.agents._mcp.approval import (
     can_ask,
 )
 from actionkit.agents._mcp.calls import Calls, EndingError, GoneError
-from actionkit.agents._results import refusal
 from actionkit.agents._toolbox import Toolbox
 from actionkit.agents._values import OnProgress, Progress, Tool, ToolResult
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from actionkit._model.similar_names import similar_names
 
 if TYPE_CHECKING:
-    from actionkit._ros.tools.survey import ActionSeen
+    from actionkit._ros.others_goals.survey import ActionSeen
 
 
 def nothing_there(name: str, actions: dict[str, ActionSeen], *, doctor: bool = False) -> str:

@@ -82,7 +82,7 @@ def complete_names(
 ) -> list[CompletionItem]:
     """Return the names of the actions in sight; nothing after any error."""
     try:
-        from actionkit._ros.tools.survey import Survey
+        from actionkit._ros.others_goals.survey import Survey
         from actionkit.cli._shared.stdout import keep_clean
 
         keep_clean()

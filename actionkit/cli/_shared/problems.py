@@ -15,7 +15,7 @@ from actionkit.cli._shared.stdout import keep_clean
 from actionkit.cli._shared.wording import in_options
 
 if TYPE_CHECKING:
-    from actionkit._ros.tools.survey import Survey
+    from actionkit._ros.others_goals.survey import Survey
 
 
 class Problem(click.ClickException):
@@ -49,7 +49,7 @@ def open_survey() -> Survey:
     """
     keep_clean()
     import_ros()
-    from actionkit._ros.tools.survey import Survey
+    from actionkit._ros.others_goals.survey import Survey
 
     try:
         return Survey()

@@ -9,7 +9,7 @@ from actionkit._model.similar_names import similar_names
 from actionkit.cli._shared.say import say
 
 if TYPE_CHECKING:
-    from actionkit._ros.tools.survey import ActionSeen, Survey
+    from actionkit._ros.others_goals.survey import ActionSeen, Survey
 
 _AFTER = 1.0
 """Seconds in which most servers that run come into sight."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from actionkit._messages.by_name import interface_class
 
 if TYPE_CHECKING:
-    from actionkit._ros.tools.survey import ActionSeen, Survey
+    from actionkit._ros.others_goals.survey import ActionSeen, Survey
 
 
 def not_ours(survey: Survey, action: ActionSeen) -> str:

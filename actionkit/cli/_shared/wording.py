@@ -24,7 +24,7 @@ _WORDS = {
     ": let that function return None for it, or another Verdict": "",
     "close(), or leave the `with` block later": "you end the command",
 }
-"""Phrases for Python users in the texts of `_calls/error_texts.py` -> our phrases."""
+"""Phrases for Python users in the texts of `_calls/errors/error_texts.py` -> our phrases."""
 _PATTERNS = {
     # Texts that these quote, and errors from making a client.
     r"`classify=<[^`]*>` raised \w+": "--ok or --transient does not fit the result",

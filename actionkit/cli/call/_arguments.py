@@ -14,7 +14,7 @@ from actionkit.cli._shared.no_server import nothing_there
 from actionkit.cli._shared.problems import Problem, full_name
 
 if TYPE_CHECKING:
-    from actionkit._ros.tools.survey import Survey
+    from actionkit._ros.others_goals.survey import Survey
 
 _TYPE = re.compile(r"[A-Za-z]\w*/action/[A-Za-z]\w*")
 _NAME = re.compile(r"[\w/.-]+")

@@ -10,8 +10,8 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from actionkit._model.domain import environment_domain
-from actionkit._model.own_module import command_for
+from actionkit._model.environment.domain import environment_domain
+from actionkit._model.environment.own_module import command_for
 from actionkit._ros.holds.state import Hold, HoldState, encode
 from actionkit._ros.holds.words import since
 from actionkit.cli._shared.exits import Exit

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from actionkit._ros.stopping.cancelling import Cancelling
+from actionkit._ros.cancelling.cancelling import Cancelling
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.say import say
 

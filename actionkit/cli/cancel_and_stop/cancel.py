@@ -13,9 +13,9 @@ import click
 from actionkit._model.goal_ids import goal_id_of
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._observers.json_schema import note_line
-from actionkit._ros.stopping.cancel_goals import cancel_goals
-from actionkit._ros.stopping.cancelling import Cancelling, Fate
-from actionkit._ros.stopping.goal_board import FIRST, Board
+from actionkit._ros.cancelling.cancel_goals import cancel_goals
+from actionkit._ros.cancelling.cancelling import Cancelling, Fate
+from actionkit._ros.others_goals.goal_board import FIRST, Board
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.no_server import nothing_there
 from actionkit.cli._shared.options import HELP, SECONDS, debug_option, json_option, name_argument
@@ -25,7 +25,7 @@ from actionkit.cli.cancel_and_stop._stop_table import exit_of, say_error
 from actionkit.cli.watch.watch import NO_STATUS, first_look
 
 if TYPE_CHECKING:
-    from actionkit._ros.tools.survey import ActionSeen, Survey
+    from actionkit._ros.others_goals.survey import ActionSeen, Survey
 
 _EPILOG = """\b
 Examples:
@@ -119,7 +119,7 @@ def _no_server(survey: Survey, name: str) -> Exit:
 
 
 def _list(survey: Survey, name: str, server_timeout: float) -> int:
-    from actionkit._ros.tools.watch import StatusReader
+    from actionkit._ros.others_goals.watch import StatusReader
 
     def is_served(actions: dict[str, ActionSeen]) -> bool:
         return name in actions and bool(actions[name].servers)

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from actionkit._model.domain import LAST_DOMAIN
+from actionkit._model.environment.domain import LAST_DOMAIN
 from actionkit._observers.json_schema import note_line
-from actionkit._ros.stopping.cancel_goals import cancel_goals
-from actionkit._ros.stopping.cancelling import Cancelling
+from actionkit._ros.cancelling.cancel_goals import cancel_goals
+from actionkit._ros.cancelling.cancelling import Cancelling
 from actionkit._ros.workarounds.udp_only import use_udp_only
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.no_server import nothing_there

@@ -42,7 +42,7 @@ def command(
     list_them: bool,
 ) -> None:
     """Run the reference action server SERVER and show what it sees."""
-    from actionkit.servers._child import main
+    from actionkit.servers._serving.child import main
 
     if list_them:
         main(["--list"])

@@ -14,8 +14,8 @@ from actionkit.cli._shared.versions import not_ours
 from actionkit.cli.doctor._findings import Finding, note, ok, problem
 
 if TYPE_CHECKING:
+    from actionkit._ros.others_goals.survey import ActionSeen, Survey
     from actionkit._ros.tools.roundtrip import RoundTrip
-    from actionkit._ros.tools.survey import ActionSeen, Survey
 
 _ROUND_TRIP = 5.0
 """Seconds to wait for an answer; a busy server takes up to a few."""

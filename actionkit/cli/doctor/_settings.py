@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from actionkit._model.domain import LAST_DOMAIN, domain_of_text
-from actionkit._model.security import KEYSTORE, ON, OVERRIDE, STRATEGY, security
+from actionkit._model.environment.domain import LAST_DOMAIN, domain_of_text
+from actionkit._model.environment.security import KEYSTORE, ON, OVERRIDE, STRATEGY, security
 from actionkit.cli.doctor._findings import Finding, note, ok, problem
 
 _RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")

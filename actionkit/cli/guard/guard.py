@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from actionkit._model.own_module import command_for
+from actionkit._model.environment.own_module import command_for
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.options import HELP, SECONDS, debug_option
 from actionkit.cli._shared.problems import import_ros

@@ -17,7 +17,7 @@ from actionkit._model.values import GoalEvent, GoalState
 from actionkit._observers.json_schema import event_line, note_line
 from actionkit._observers.protocol import CallInfo
 from actionkit._ros.holds.words import who
-from actionkit._ros.stopping.goal_board import Board, WatchedGoal
+from actionkit._ros.others_goals.goal_board import Board, WatchedGoal
 from actionkit.cli._shared.say import say
 from actionkit.cli.watch._hold_lines import hold_line
 

@@ -21,7 +21,7 @@ from actionkit.cli._shared.say import say
 from actionkit.cli._shared.versions import not_ours
 
 if TYPE_CHECKING:
-    from actionkit._ros.graph import Endpoint
+    from actionkit._ros.endpoints.graph import Endpoint
 
 _EPILOG = """\b
 Examples:

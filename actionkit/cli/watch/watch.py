@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from actionkit._ros.stopping.goal_board import FIRST
+from actionkit._ros.others_goals.goal_board import FIRST
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.options import HELP, SECONDS, debug_option, json_option, name_argument
 from actionkit.cli._shared.problems import full_name, open_survey
@@ -21,7 +21,7 @@ from actionkit.cli._shared.signals import watch_output
 
 if TYPE_CHECKING:
     from actionkit._ros.holds.state import Hold
-    from actionkit._ros.stopping.goal_board import Board
+    from actionkit._ros.others_goals.goal_board import Board
     from actionkit.cli.watch._screens import Screen
 
 
@@ -76,8 +76,8 @@ def command(
         full = full_name(survey, name)
 
         from actionkit._ros.holds.view import HoldView
-        from actionkit._ros.stopping.goal_board import Board
-        from actionkit._ros.tools.watch import StatusReader
+        from actionkit._ros.others_goals.goal_board import Board
+        from actionkit._ros.others_goals.watch import StatusReader
 
         def type_of() -> str:
             action = survey.actions().get(full)

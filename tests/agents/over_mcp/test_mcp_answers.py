@@ -11,9 +11,9 @@ import pytest
 from geometry_msgs.msg import Point
 
 from actionkit.agents import Image, Progress, ToolResult
+from actionkit.agents._answers.progress import telling
 from actionkit.agents._mcp.approval import Questions
 from actionkit.agents._mcp.session import _answered, _reporting
-from actionkit.agents._progress import telling
 from tests.agents.over_mcp.lab import WAYS, HttpServing, Robot, Watch, agent
 from tests.waiting import until_in_loop
 

@@ -8,7 +8,7 @@ MUTANTS = (
     Mutant(
         "C10.1",
         "a call that is given up lets its goal run",
-        "agents/_goal_call.py",
+        "agents/_tool_calls/goal_call.py",
         '            record.cancel("its caller gave up")\n',
         "",
         ("agents/test_toolbox_given_up.py::test_cancelling_the_task_cancels_the_goal_and_waits",),
@@ -16,7 +16,7 @@ MUTANTS = (
     Mutant(
         "C10.1",
         "a goal that is stopped while it is handed over runs",
-        "agents/_goals.py",
+        "agents/_tool_calls/goals.py",
         "        if self.why_cancelled:\n            future.cancel()\n",
         "",
         (
@@ -27,7 +27,7 @@ MUTANTS = (
     Mutant(
         "C10.1",
         "a call that is given up does not wait for the confirmation",
-        "agents/_goal_call.py",
+        "agents/_tool_calls/goal_call.py",
         "                    await record.over(client.timeouts.cancel + _CANCEL_GRACE)\n",
         "                    pass\n",
         ("agents/test_toolbox_given_up.py::test_cancelling_the_task_cancels_the_goal_and_waits",),
@@ -35,7 +35,7 @@ MUTANTS = (
     Mutant(
         "C10.1",
         "a goal that may run does not keep the model from trying again",
-        "agents/_results.py",
+        "agents/_answers/results.py",
         "retry and not may_run, ",
         "retry, ",
         (
@@ -46,7 +46,7 @@ MUTANTS = (
     Mutant(
         "C10.1",
         "an earlier goal that may run is not told of",
-        "agents/_results.py",
+        "agents/_answers/results.py",
         "    return any(goal.fate.may_run for goal in outcome.goals)\n",
         "    return outcome.goals[-1:] != () and outcome.goals[-1].fate.may_run\n",
         (
@@ -57,7 +57,7 @@ MUTANTS = (
     Mutant(
         "C10.1",
         "a goal that may run counts no more when its call is over",
-        "agents/_goals.py",
+        "agents/_tool_calls/goals.py",
         "self.value is None or self._goals.block_another(unless_gone=True, unless_unseen=True)",
         "self.value is None",
         ("agents/test_toolbox.py::test_a_goal_that_cannot_be_cancelled_is_not_sent_beside",),
@@ -65,7 +65,7 @@ MUTANTS = (
     Mutant(
         "C10.1",
         "what the server rejected is tried again",
-        "agents/_results.py",
+        "agents/_answers/results.py",
         "status, isinstance(outcome.error, TransientError) and",
         "status,",
         (
@@ -76,7 +76,7 @@ MUTANTS = (
     Mutant(
         "C10.1",
         "a goal that was never sent has an id, as if it was",
-        "agents/_results.py",
+        "agents/_answers/results.py",
         "        goal_id=str(outcome.goal_id) if sent else None,\n",
         "        goal_id=str(outcome.goal_id),\n",
         ("agents/test_toolbox.py::test_what_waits_for_a_server_does_not_run",),
@@ -84,7 +84,7 @@ MUTANTS = (
     Mutant(
         "C10.1",
         "a call counts no more when the server of one of its goals has left",
-        "_calls/call_view.py",
+        "_calls/futures/call_view.py",
         "        return any(goal.blocks_another(**unless) for goal in self._goals)",
         "        return all(goal.blocks_another(**unless) for goal in self._goals)",
         (
@@ -97,7 +97,7 @@ MUTANTS = (
     Mutant(
         "C10.2",
         "the smallest number of the configuration is no limit",
-        "agents/_goal_model.py",
+        "agents/_arguments/goal_model.py",
         "            low = bounds[0] if own.minimum is None else max(bounds[0], own.minimum)\n",
         "            low = bounds[0]\n",
         ("agents/test_agents_arguments.py::test_values_outside_of_limits",),
@@ -105,7 +105,7 @@ MUTANTS = (
     Mutant(
         "C10.2",
         "a field that is not listed can be set",
-        "agents/_goal_model.py",
+        "agents/_arguments/goal_model.py",
         "            visible = path in self._limits if exposed is None else exposed\n",
         "            visible = True if exposed is None else exposed\n",
         ("agents/test_agents_config.py::test_only_what_is_listed_is_exposed",),
@@ -113,7 +113,7 @@ MUTANTS = (
     Mutant(
         "C10.2",
         "a field that does not exist passes unseen",
-        "agents/_goal_model.py",
+        "agents/_arguments/goal_model.py",
         'core_schema.typed_dict_schema(fields, extra_behavior="forbid")',
         'core_schema.typed_dict_schema(fields, extra_behavior="ignore")',
         ("agents/test_agents_arguments.py::test_values_outside_of_limits",),
@@ -121,7 +121,7 @@ MUTANTS = (
     Mutant(
         "C10.2",
         "a number that is rounded to 32 bits leaves its limits",
-        "agents/_goal_values.py",
+        "agents/_arguments/goal_values.py",
         "        if float(near) > high:\n",
         "        if False:\n",
         (
@@ -131,7 +131,7 @@ MUTANTS = (
     Mutant(
         "C10.2",
         "a number with one limit of two is not warned of",
-        "agents/_goal_model.py",
+        "agents/_arguments/goal_model.py",
         " and None in (own.minimum, own.maximum):",
         " and own.minimum is own.maximum is None:",
         ("agents/test_agents_config.py::test_numbers_without_limits_are_warned_of",),
@@ -139,7 +139,7 @@ MUTANTS = (
     Mutant(
         "C10.2",
         "goals of other programs do not count",
-        "agents/_goals.py",
+        "agents/_tool_calls/goals.py",
         "        return [goal for goal in there if goal.goal_id not in sent]\n",
         "        return []\n",
         (
@@ -150,7 +150,7 @@ MUTANTS = (
     Mutant(
         "C10.2",
         "two calls at the same moment pass the limit",
-        "agents/_goals.py",
+        "agents/_tool_calls/goals.py",
         "if len(self.counting(record.action)) >= limit:\n",
         "if False:\n",
         ("agents/test_agents_results.py::test_no_goal_is_added_beyond_the_limit_of_its_action",),
@@ -158,7 +158,7 @@ MUTANTS = (
     Mutant(
         "C10.2",
         "a goal is sent though the goals of others cannot be looked for",
-        "agents/_goal_call.py",
+        "agents/_tool_calls/goal_call.py",
         "            raise self._failed(tool, error) from error\n        if len(running)",
         "            _log.warning('%s', error)\n        if len(running)",
         (
@@ -169,7 +169,7 @@ MUTANTS = (
     Mutant(
         "C10.2",
         "arguments of any depth are walked through",
-        "agents/_argument_size.py",
+        "agents/_arguments/argument_size.py",
         "_DEEPEST = 32\n",
         "_DEEPEST = 10**6\n",
         ("agents/test_agents_arguments.py::test_what_is_too_deep_or_too_large_is_refused_at_once",),
@@ -177,7 +177,7 @@ MUTANTS = (
     Mutant(
         "C10.2",
         "a value that is not in the list of values is sent",
-        "agents/_goal_values.py",
+        "agents/_arguments/goal_values.py",
         "        if value not in enum:\n",
         "        if False:\n",
         ("agents/test_agents_arguments.py::test_values_outside_of_limits",),
@@ -185,7 +185,7 @@ MUTANTS = (
     Mutant(
         "C10.2",
         "the largest number of the configuration is no limit",
-        "agents/_goal_model.py",
+        "agents/_arguments/goal_model.py",
         "min(bounds[1], own.maximum)",
         "bounds[1]",
         ("agents/test_agents_arguments.py::test_values_outside_of_limits",),
@@ -193,7 +193,7 @@ MUTANTS = (
     Mutant(
         "C10.2",
         "a field that must be given can be left out",
-        "agents/_goal_model.py",
+        "agents/_arguments/goal_model.py",
         "                required.append(name)\n",
         "                pass\n",
         ("agents/test_agents_config.py::test_required_fields_must_be_given",),
@@ -217,7 +217,7 @@ MUTANTS = (
     Mutant(
         "C10.3",
         "a call is approved that was given up while the human was asked",
-        "agents/_goal_call.py",
+        "agents/_tool_calls/goal_call.py",
         "        asking.cancel()\n        raise\n",
         "        asking.cancel()\n        await asyncio.wait([asking])\n",
         ("agents/test_toolbox_human.py::test_an_answer_that_crosses_with_giving_up_sends_nothing",),
@@ -306,7 +306,7 @@ MUTANTS = (
     Mutant(
         "C10.3",
         "an answer that is no yes counts as one",
-        "agents/_goal_call.py",
+        "agents/_tool_calls/goal_call.py",
         "    if await _answer(approve, ApprovalRequest(tool.name, whole, question)) is not True:\n",
         "    if not await _answer(approve, ApprovalRequest(tool.name, whole, question)):\n",
         ("agents/test_agents_results.py::test_nothing_but_true_is_an_approval",),
@@ -341,7 +341,7 @@ MUTANTS = (
     Mutant(
         "C10.3",
         "no human is asked",
-        "agents/_goal_call.py",
+        "agents/_tool_calls/goal_call.py",
         '            if tool.confirm == "always":\n',
         "            if False:\n",
         ("agents/over_mcp/test_mcp_calls.py::test_a_human_is_asked_first",),
@@ -392,7 +392,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "a listener that is broken says that nobody holds",
-        "agents/_hold.py",
+        "agents/_tool_calls/hold.py",
         '            return (), f"{type(error).__name__}: {error}"\n',
         "            return (), None\n",
         ("agents/test_hold.py::test_after_an_error_of_the_listener_it_is_not_known",),
@@ -436,7 +436,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "a goal is sent although a human has stopped the robot",
-        "agents/_goal_call.py",
+        "agents/_tool_calls/goal_call.py",
         "        if (why := hold.why_held()) is None:\n",
         "        if (why := hold.why_held()) is None or hold.is_known:\n",
         ("agents/test_toolbox_human.py::test_a_hold_refuses_and_cancels",),
@@ -444,7 +444,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "a human's stop does not cancel the goals of agents",
-        "agents/_goal_call.py",
+        "agents/_tool_calls/goal_call.py",
         "        clients.on_hold = self.cancel_all\n",
         "",
         ("agents/test_toolbox_human.py::test_a_hold_refuses_and_cancels",),
@@ -452,7 +452,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "what waited for an approval is sent after a stop and a release",
-        "agents/_goal_call.py",
+        "agents/_tool_calls/goal_call.py",
         "            if self.stops != stops:\n",
         "            if False:\n",
         (
@@ -463,7 +463,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "a goal that failed is sent again though it is not known whether a human holds",
-        "agents/_goal_call.py",
+        "agents/_tool_calls/goal_call.py",
         "            if not hold.surely_free:\n",
         "            if False:\n",
         (
@@ -474,7 +474,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "a server that answers with an error counts as stopped",
-        "_ros/stopping/cancelling.py",
+        "_ros/cancelling/cancelling.py",
         "        self._consents[said.request] += not said.code\n",
         "        self._consents[said.request] += 1\n",
         ("unit/test_stopping.py::test_an_error_is_no_consent",),
@@ -482,7 +482,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "the answer of one of two servers is enough",
-        "_ros/stopping/cancelling.py",
+        "_ros/cancelling/cancelling.py",
         "        return self._most_of(self._answers) < max(1, len(self.board.servers))\n",
         "        return self._most_of(self._answers) < 1\n",
         ("unit/test_stopping.py::test_every_server_on_the_name_has_to_answer",),
@@ -498,7 +498,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "goals that were accepted while servers were looked for run on",
-        "_ros/stopping/cancel_goals.py",
+        "_ros/cancelling/cancel_goals.py",
         "                for action in actions:\n                    action.once_more()\n",
         "",
         ("unit/test_stopping.py::test_goals_accepted_while_servers_are_looked_for_are_canceled",),
@@ -514,7 +514,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "a stop goes on while others send goals",
-        "_ros/stopping/cancel_goals.py",
+        "_ros/cancelling/cancel_goals.py",
         "(done or (over(now) and now >= last))",
         "done",
         ("unit/test_stopping.py::test_a_stop_keeps_its_time_while_others_send_goals",),
@@ -581,7 +581,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "a goal that has ended by itself after a cancel is told as canceled",
-        "_ros/stopping/cancelling.py",
+        "_ros/cancelling/cancelling.py",
         '    if row.state == "CANCELED" and target.asked is not None:\n',
         "    if target.asked is not None:\n",
         ("cli/test_cancel.py::test_what_is_said_of_a_goal",),
@@ -589,7 +589,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "a server that is out of sight, with a client that may have goals, is not told of",
-        "_ros/stopping/cancel_goals.py",
+        "_ros/cancelling/cancel_goals.py",
         "        if name not in by_name and survey.may_hide_goals(name):\n",
         "        if False:\n",
         (
@@ -599,7 +599,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "a goal has stopped that a second server cancels yet",
-        "_ros/stopping/cancelling.py",
+        "_ros/cancelling/cancelling.py",
         "        if len(row.entries) >= min(target.consents, self._most):\n",
         "        if True:\n",
         ("unit/test_stopping.py::test_what_one_of_two_servers_has_ended_may_run_on_the_other",),
@@ -607,7 +607,7 @@ MUTANTS = (
     Mutant(
         "C10.4",
         "a goal has stopped that its server refuses to cancel",
-        "_ros/stopping/cancelling.py",
+        "_ros/cancelling/cancelling.py",
         '        return "REFUSED", "The server',
         '        return "CONFIRMED", "The server',
         ("cli/test_cancel.py::test_what_is_said_of_a_goal",),
@@ -662,7 +662,7 @@ MUTANTS = (
     Mutant(
         "C10.5",
         "a message that is older than allowed is returned",
-        "_ros/tools/topic.py",
+        "_ros/others_goals/topic.py",
         "                if max_age is None or now - at <= max_age * 1e9:\n",
         "                if True:\n",
         ("agents/test_topic_reader.py::test_the_newest_is_returned_unless_it_is_too_old",),
@@ -670,7 +670,7 @@ MUTANTS = (
     Mutant(
         "C10.5",
         "of the messages that publishers keep, the oldest is returned",
-        "_ros/tools/topic.py",
+        "_ros/others_goals/topic.py",
         "                    if newest is None or at > newest[0]:\n",
         "                    if newest is None or at < newest[0]:\n",
         ("agents/test_topic_reader.py::test_the_newest_is_returned_unless_it_is_too_old",),
@@ -678,7 +678,7 @@ MUTANTS = (
     Mutant(
         "C10.5",
         "a topic stays subscribed to after it was read",
-        "_ros/tools/topic.py",
+        "_ros/others_goals/topic.py",
         "            self.runtime.node.destroy_subscription(source.subscription)\n",
         "            pass\n",
         ("agents/test_topic_reader.py::test_each_publisher_is_read_as_it_offers",),

@@ -8,7 +8,7 @@ MUTANTS = (
     Mutant(
         "C1.1",
         "the user's ROS context is shut down with the last client in it",
-        "_ros/runtime.py",
+        "_ros/communication/runtime.py",
         """        if self._own_context is not None:
             shut_down(self._own_context)
             self._own_context.destroy()""",
@@ -18,7 +18,7 @@ MUTANTS = (
     Mutant(
         "C1.1",
         "the user's nodes discover nothing any more when the client is closed",
-        "_ros/own_node.py",
+        "_ros/communication/own_node.py",
         "        if is_last(node):\n            stop_listening(node)",
         "        stop_listening(node)",
         ("client/test_node.py::test_our_node_is_in_the_context_of_the_users",),
@@ -26,7 +26,7 @@ MUTANTS = (
     Mutant(
         "C1.1",
         "a client needs `rclpy.init()`",
-        "_ros/port.py",
+        "_ros/sending/port.py",
         "return native.default_context() if native.default_context_is_up() else None",
         "return native.utilities.get_default_context()",
         ("client/test_call.py::test_a_call_returns_the_result",),
@@ -34,7 +34,7 @@ MUTANTS = (
     Mutant(
         "C1.2",
         "the namespace and the rules of the node do not count",
-        "_ros/port.py",
+        "_ros/sending/port.py",
         "        names = None if node is None else resolve(node, name)",
         "        names = None",
         ("client/test_node.py::test_a_node_of_another_kind_will_do",),
@@ -42,7 +42,7 @@ MUTANTS = (
     Mutant(
         "C1.2",
         "another robot moves than rclpy's client would move: rules for the five names do not count",
-        "_ros/names.py",
+        "_ros/endpoints/names.py",
         "        if is_kilted_or_later() or names == ActionNames.of(expanded):",
         "        if True:",
         ("client/test_action_names.py::test_the_robot_that_rclpy_would_move",),
@@ -50,7 +50,7 @@ MUTANTS = (
     Mutant(
         "C1.2",
         "a client with a node is in the environment's domain",
-        "_ros/port.py",
+        "_ros/sending/port.py",
         "        context = _users_context(node) if domain is None else None",
         "        context = _users_context(None) if domain is None else None",
         ("client/test_node.py::test_the_domain_is_that_of_the_nodes_context",),
@@ -58,7 +58,7 @@ MUTANTS = (
     Mutant(
         "C1.3",
         "`call_async` waits for a server",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "        self.check()\n        if self.ledger is not None:",
         "        self.wait_for_server(0.05)\n        if self.ledger is not None:",
         ("client/test_asyncio.py::test_calling_never_blocks_the_loop",),
@@ -74,7 +74,7 @@ MUTANTS = (
     Mutant(
         "C1.4",
         "the first of two tasks that is cancelled cancels the goal of the other",
-        "_calls/awaiting.py",
+        "_calls/waiting/awaiting.py",
         "        return not self._waiting and cancel() is not False",
         "        return cancel() is not False",
         ("awaiting/test_asyncio_forms.py::test_two_tasks",),
@@ -82,7 +82,7 @@ MUTANTS = (
     Mutant(
         "C1.4",
         "the goal goes on where asyncio did not take the future as a coroutine",
-        "_calls/awaiting.py",
+        "_calls/waiting/awaiting.py",
         "        if not self._waiting:\n            cancel()",
         "        return",
         ("awaiting/test_asyncio_forms.py::test_a_closed_loop",),
@@ -90,7 +90,7 @@ MUTANTS = (
     Mutant(
         "C1.4",
         "`concurrent.futures.wait` is not told that the call is over",
-        "_calls/future.py",
+        "_calls/futures/future.py",
         "            run_in_thread(self._notify_base)",
         "            pass",
         ("client/test_call.py::test_the_stdlib_waits_for_it",),
@@ -98,7 +98,7 @@ MUTANTS = (
     Mutant(
         "C1.4",
         "under trio, a cancelled task ends before its goal has stopped",
-        "_calls/drivers.py",
+        "_calls/waiting/drivers.py",
         "            await self.wait(flag)\n\n\ndef find_driver",
         "            pass\n\n\ndef find_driver",
         ("awaiting/test_anyio_trio_forms.py::test_trio",),
@@ -106,7 +106,7 @@ MUTANTS = (
     Mutant(
         "C1.4",
         "a task that awaits a goal polls",
-        "_calls/drivers.py",
+        "_calls/waiting/drivers.py",
         "                    await woken\n",
         """                    while not woken.done():
                         await self._asyncio.sleep(0)
@@ -116,7 +116,7 @@ MUTANTS = (
     Mutant(
         "C1.5",
         "a cancel before the goal is sent is lost",
-        "_calls/future.py",
+        "_calls/futures/future.py",
         "        self._call.request_cancel()\n",
         "        _ = self.running() and self._call.request_cancel()\n",
         ("client/test_cancel.py::test_cancel_before_the_send_sends_nothing",),
@@ -124,7 +124,7 @@ MUTANTS = (
     Mutant(
         "C1.5",
         "a goal is sent whose caller has just cancelled it",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "if self.unwanted and not self._attaches:  # `cancel` is",
         "if False:  # `cancel` is",
         ("unit/test_call_explored.py::test_no_promise_is_broken",),
@@ -132,7 +132,7 @@ MUTANTS = (
     Mutant(
         "C1.5",
         "the future of a call that is over asks no more to cancel its goal",
-        "_calls/call_view.py",
+        "_calls/futures/call_view.py",
         "            self.session.cancel_again(left)",
         "            pass",
         ("client/test_cancel.py::test_a_future_whose_call_is_over_asks_again",),
@@ -140,7 +140,7 @@ MUTANTS = (
     Mutant(
         "C1.5",
         "a cancelled task leaves its goal running",
-        "_calls/awaiting.py",
+        "_calls/waiting/awaiting.py",
         "                cancelled = self._stop(waiting, cancel)",
         "                self._waiting.discard(waiting)",
         ("client/test_asyncio.py::test_cancelling_the_task_cancels_the_goal",),
@@ -148,7 +148,7 @@ MUTANTS = (
     Mutant(
         "C1.5",
         "`cancel()` blocks until the call is over",
-        "_calls/future.py",
+        "_calls/futures/future.py",
         "        return self.cancelled() if over else True",
         "        return self.cancelled() if over else self._over.wait(10.0)",
         ("client/test_cancel.py::test_a_cancel_that_is_not_confirmed_ends_the_call",),
@@ -156,7 +156,7 @@ MUTANTS = (
     Mutant(
         "C1.6",
         "a goal is cancelled when a local wait ends",
-        "_calls/future.py",
+        "_calls/futures/future.py",
         "if not self._over.wait(timeout):",
         "if not self._over.wait(timeout) and self.cancel():",
         ("client/test_call.py::test_a_local_wait_leaves_the_goal_alone",),
@@ -164,7 +164,7 @@ MUTANTS = (
     Mutant(
         "C1.7",
         "`outcome()` raises the error of a call that has failed",
-        "_calls/future.py",
+        "_calls/futures/future.py",
         """        self._error(timeout)
         assert self._outcome is not None
         return self._outcome
@@ -178,7 +178,7 @@ MUTANTS = (
     Mutant(
         "C1.7",
         "the state that can be seen does not change while the goal runs",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "            self.state = record.state\n            if",
         "            if",
         ("client/test_call.py::test_a_future_shows_the_goal_live",),
@@ -186,7 +186,7 @@ MUTANTS = (
     Mutant(
         "C1.7",
         "who begins to read feedback late waits for more, without the latest",
-        "_calls/feedback_broadcast.py",
+        "_calls/futures/feedback_broadcast.py",
         "            stream._put([latest])",
         "            pass",
         ("client/test_feedback_real.py::test_iterating_ends_when_the_goal_ends",),
@@ -194,7 +194,7 @@ MUTANTS = (
     Mutant(
         "C1.7",
         "iterating over the feedback does not end with the goal",
-        "_calls/call_record.py",
+        "_calls/sending/call_record.py",
         "        self.tape.end()",
         "        pass",
         ("unit/test_feedback_broadcast.py",),
@@ -202,7 +202,7 @@ MUTANTS = (
     Mutant(
         "C1.8",
         "callbacks get feedback after the result",
-        "_calls/call_record.py",
+        "_calls/sending/call_record.py",
         "            left_out = callbacks.close()",
         "            left_out = len(callbacks._items)",
         (
@@ -213,7 +213,7 @@ MUTANTS = (
     Mutant(
         "C1.8",
         "feedback comes before the acceptance can be seen",
-        "_calls/attempt.py",
+        "_calls/sending/attempt.py",
         """        self._apply(self.goal.feedback(self._now()))
         self.owner.on_feedback(self, messages)""",
         """        self.owner.on_feedback(self, messages)
@@ -223,7 +223,7 @@ MUTANTS = (
     Mutant(
         "C1.8",
         "the result comes before the feedback that came before it",
-        "_calls/call_record.py",
+        "_calls/sending/call_record.py",
         "        if ending.end not in _WITH_RESULT or callbacks is None:",
         "        if True:",
         (
@@ -234,7 +234,7 @@ MUTANTS = (
     Mutant(
         "C1.8",
         "a slow callback delays the result",
-        "_calls/call_record.py",
+        "_calls/sending/call_record.py",
         "time.monotonic() + _LAST_FEEDBACK_GRACE, then)",
         "time.monotonic() + 60.0, then)",
         ("client/test_feedback_real.py::test_a_slow_callback_delays_nobody",),
@@ -242,7 +242,7 @@ MUTANTS = (
     Mutant(
         "C1.8",
         "a callback that has raised is called no more",
-        "_calls/feedback.py",
+        "_calls/futures/feedback.py",
         "            self._failed()\n        return True",
         "            self._failed()\n            self.close()\n        return True",
         ("client/test_feedback_real.py::test_a_raising_callback_is_logged_and_counted",),
@@ -250,7 +250,7 @@ MUTANTS = (
     Mutant(
         "C1.8",
         "nobody is told what a slow callback has missed",
-        "_calls/call_record.py",
+        "_calls/sending/call_record.py",
         "            if left_out and has_result:",
         "            if False:",
         (
@@ -269,7 +269,7 @@ MUTANTS = (
     Mutant(
         "C1.9",
         "`call` blocks the event loop of a coroutine that is called back",
-        "_calls/feedback.py",
+        "_calls/futures/feedback.py",
         "        in_callback.set(True)\n",
         "",
         (
@@ -280,7 +280,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "goals in flight are left to run when the client closes",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "            call.close(abandon=self._abandon, because=self._ended_because)",
         "            call.close(abandon=True, because=self._ended_because)",
         ("client/test_cancel.py::test_closing_settles_what_is_in_flight",),
@@ -288,7 +288,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "goals that were to be left alone are cancelled when the client closes",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "            call.close(abandon=self._abandon, because=self._ended_because)",
         "            call.close(abandon=False, because=self._ended_because)",
         ("client/test_cancel.py::test_closing_settles_what_is_in_flight",),
@@ -296,7 +296,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "closing does not ask again for a goal whose cancel was refused",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "[each for each in self._attempts if each.goal.settled]",
         "[]",
         ("client/test_cancel.py::test_closing_asks_again_for_what_was_refused",),
@@ -304,7 +304,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "closing does not wait for the server's confirmation",
-        "_calls/closing.py",
+        "_calls/at_exit/closing.py",
         "        await_ends(awaited, grace)\n    except",
         "        await_ends(awaited, 0.0)\n    except",
         ("client/test_cancel.py::test_closing_settles_what_is_in_flight",),
@@ -312,7 +312,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "goals are left running at the interpreter's exit",
-        "_calls/exit.py",
+        "_calls/at_exit/exit.py",
         "    atexit.register(close_all)\n",
         "",
         ("client/test_exit.py::test_exit[while it runs-0]",),
@@ -320,7 +320,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "the interpreter's exit does not wait for confirmations",
-        "_calls/exit.py",
+        "_calls/at_exit/exit.py",
         "    _await_freed(sessions, began, end_calls(sessions))\n",
         "    end_calls(sessions)\n",
         ("client/test_exit.py::test_the_exit_waits_for_a_goal_that_may_be_accepted_late",),
@@ -328,7 +328,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "a silent server holds up the interpreter's exit",
-        "_calls/exit.py",
+        "_calls/at_exit/exit.py",
         "min(confirmed_at, began + LONGEST_GRACE)) + grace",
         "min(confirmed_at, began + LONGEST_GRACE)) + LONGEST_GRACE",
         ("client/test_exit.py::test_a_silent_server_does_not_hold_up_the_exit[exit]",),
@@ -336,7 +336,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "the middleware crashes the exit, as its threads still run",
-        "_calls/exit.py",
+        "_calls/at_exit/exit.py",
         "    runtimes.end_all(FREEING_TIMEOUT, at_once=at_once)",
         "    return",
         ("client/test_exit.py::test_exit[the client was interrupted while it was made-0]",),
@@ -344,7 +344,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "closing cuts off callbacks that are due",
-        "_calls/closing.py",
+        "_calls/at_exit/closing.py",
         "dues.finish(time.monotonic() + patience(session.cancel_grace))",
         "dues.finish(time.monotonic())",
         ("client/test_due_callbacks.py::test_a_done_callback_is_finished[at the closing]",),
@@ -352,7 +352,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "the exit cuts off callbacks that are due",
-        "_calls/exit.py",
+        "_calls/at_exit/exit.py",
         "        _is_interrupted(partial(_in_hand.finish_all, until, _in_hand.CALLBACKS))",
         "        pass",
         ("client/test_due_callbacks.py::test_a_done_callback_is_finished[at the exit]",),
@@ -360,7 +360,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "the exit waits again for a callback, though Ctrl-C has ended that wait in `close()`",
-        "_calls/closing.py",
+        "_calls/at_exit/closing.py",
         "        session.callbacks.dues.end()\n",
         "        pass\n",
         ("client/test_due_callbacks.py::test_ctrl_c_ends_the_wait[at the closing]",),
@@ -384,7 +384,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "a closed client sends goals",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "        if self._closed:\n            raise ClientClosedError(",
         "        if False:\n            raise ClientClosedError(",
         ("client/test_misuse.py::test_after_close",),
@@ -392,7 +392,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "a call that slips in behind the closing sends its goal",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "        elif self._ended_because:\n",
         "        elif False:\n",
         ("unit/test_signal_safety.py::test_a_call_that_slips_in_behind_the_closing_sends_nothing",),
@@ -400,7 +400,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "a goal that is left on purpose is cancelled on a second server",
-        "_calls/attempt.py",
+        "_calls/sending/attempt.py",
         "keep=None if self.goal.abandoned else self.goal.facts",
         "keep=self.goal.facts",
         ("unit/test_session.py::test_a_goal_that_is_left_on_purpose_is_not_cancelled_elsewhere",),
@@ -408,7 +408,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "closing does not wait for a server that had refused and is asked again",
-        "_calls/last_request.py",
+        "_calls/sending/last_request.py",
         "    return goal.facts.refused or elsewhere",
         "    return False",
         ("unit/test_last_request.py::test_its_answer_is_waited_for",),
@@ -416,7 +416,7 @@ MUTANTS = (
     Mutant(
         "C1.11",
         "a wait for a server that is not there says that it is ready",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "        return wait.ready or (timeout == 0 and self.sees_server())",
         "        return True",
         ("client/test_call.py::test_servers_can_be_waited_for",),
@@ -424,7 +424,7 @@ MUTANTS = (
     Mutant(
         "C1.11",
         "`cancel_all()` cancels the goals of all clients of the process",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "        calls = list(self.calls)\n",
         "        calls = [call for session in open_sessions for call in session.calls]\n",
         ("client/test_call.py::test_cancel_all_cancels_this_client_only",),
@@ -432,7 +432,7 @@ MUTANTS = (
     Mutant(
         "C1.11",
         "a call that is over still counts as pending",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "        self.calls.discard(call)\n",
         "",
         ("client/test_call.py::test_cancel_all_cancels_this_client_only",),
@@ -440,7 +440,7 @@ MUTANTS = (
     Mutant(
         "C1.12",
         "goals are sent in the wrong order",
-        "_ros/outbox.py",
+        "_ros/communication/outbox.py",
         "                key, request = queue.popitem(last=False)",
         "                key, request = queue.popitem()",
         ("client/test_many.py::test_500_goals_at_once_from_8_threads",),
@@ -448,7 +448,7 @@ MUTANTS = (
     Mutant(
         "C1.12",
         "more goals are sent at once than a server's queue holds",
-        "_ros/outbox.py",
+        "_ros/communication/outbox.py",
         "        if self._taken >= self._size:",
         "        if False:",
         ("unit/test_outbox.py",),
@@ -456,7 +456,7 @@ MUTANTS = (
     Mutant(
         "C1.12",
         "a forked child waits for ever instead of an error",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "        if self.inherited:\n            raise RuntimeError(",
         "        if False:\n            raise RuntimeError(",
         ("client/test_exit.py::test_exit[in a child that was forked-0]",),
@@ -464,7 +464,7 @@ MUTANTS = (
     Mutant(
         "C1.12",
         "a forked child frees at its exit what belongs to its parent",
-        "_calls/exit.py",
+        "_calls/at_exit/exit.py",
         "    open_sessions.clear()\n",
         "",
         ("client/test_exit.py::test_exit[in a child that was forked-0]",),
@@ -472,7 +472,7 @@ MUTANTS = (
     Mutant(
         "C1.13",
         "a goal goes on where nothing could go on with the coroutine that awaits it",
-        "_calls/awaiting.py",
+        "_calls/waiting/awaiting.py",
         "            self._stop(waiting, cancel)\n            return\n        cancelled = False",
         "            return\n        cancelled = False",
         ("awaiting/test_rclpy_forms.py::test_a_future_that_is_driven_by_hand",),
@@ -480,7 +480,7 @@ MUTANTS = (
     Mutant(
         "C1.13",
         "an executor spends its time on coroutines that wait",
-        "_ros/coroutines.py",
+        "_ros/rclpy_private/coroutines.py",
         "        put_back = take_out(executor, task)",
         "        put_back = lambda: None",
         ("awaiting/test_rclpy_forms.py::test_waiting_costs_an_executor_nothing",),
@@ -488,7 +488,7 @@ MUTANTS = (
     Mutant(
         "C1.13",
         "an executor is not woken when the goal ends",
-        "_ros/coroutines.py",
+        "_ros/rclpy_private/coroutines.py",
         "                    executor.wake()",
         "                    pass",
         ("awaiting/test_rclpy_forms.py::test_execute_callback",),
@@ -496,7 +496,7 @@ MUTANTS = (
     Mutant(
         "C1.14",
         "a retry changes what `wait_accepted` returns",
-        "_calls/future.py",
+        "_calls/futures/future.py",
         "        if self._acceptance is None:\n            self._acceptance = event",
         "        if True:\n            self._acceptance = event",
         ("awaiting/test_wait_accepted.py::test_a_retry_does_not_change_it",),
@@ -504,7 +504,7 @@ MUTANTS = (
     Mutant(
         "C1.14",
         "nobody is told that the goal was accepted",
-        "_calls/future.py",
+        "_calls/futures/future.py",
         "            self._acceptance = event\n            self._answered.set()",
         "            self._acceptance = event",
         ("awaiting/test_wait_accepted.py::test_under_rclpy",),
@@ -512,7 +512,7 @@ MUTANTS = (
     Mutant(
         "C1.14",
         "nobody is told that the goal will never be accepted",
-        "_calls/future.py",
+        "_calls/futures/future.py",
         "        self._over.set()\n        self._answered.set()",
         "        self._over.set()",
         ("awaiting/test_wait_accepted.py::test_a_rejected_goal_raises_what_the_result_raises",),
@@ -520,7 +520,7 @@ MUTANTS = (
     Mutant(
         "C1.14",
         "a cancelled wait for the acceptance leaves the goal to be accepted",
-        "_calls/future.py",
+        "_calls/futures/future.py",
         "        was_cancelled = await self._awaiters.wait(\n            self._give_up,\n",
         "        was_cancelled = await self._awaiters.wait(\n            lambda: False,\n",
         ("awaiting/test_wait_accepted.py::test_cancelling_the_wait_cancels_the_goal",),
@@ -528,7 +528,7 @@ MUTANTS = (
     Mutant(
         "C1.14",
         "the timeout of `wait_accepted_async` cancels the goal",
-        "_calls/awaiting.py",
+        "_calls/waiting/awaiting.py",
         "            self._waiting.discard(waiting)\n            return driver.was_cancelled",
         "            self._stop(waiting, cancel)\n            return driver.was_cancelled",
         ("awaiting/test_wait_accepted.py::test_its_own_timeout_leaves_the_goal_alone",),
@@ -536,7 +536,7 @@ MUTANTS = (
     Mutant(
         "C1.15",
         "a goal is replaced before it has stopped",
-        "_calls/replacing.py",
+        "_calls/sending/replacing.py",
         "    return not earlier.done() or earlier._call.goals.block_another(**unless)",
         "    return not earlier.done()",
         ("client/test_replaces.py::test_nothing_is_sent_if_the_earlier_goal_was_lost",),
@@ -544,7 +544,7 @@ MUTANTS = (
     Mutant(
         "C1.15",
         "a goal is replaced whose server has left the graph",
-        "_calls/replacing.py",
+        "_calls/sending/replacing.py",
         "if blocks_another(one))",
         "if blocks_another(one, unless_gone=True))",
         ("unit/test_another_goal.py::test_whether_another_goal_may_be_sent",),
@@ -552,7 +552,7 @@ MUTANTS = (
     Mutant(
         "C1.15",
         "the earlier goal is not cancelled",
-        "_calls/replacing.py",
+        "_calls/sending/replacing.py",
         "            future.cancel()",
         "            future.done()",
         ("client/test_replaces.py::test_a_blocking_call_replaces",),
@@ -560,7 +560,7 @@ MUTANTS = (
     Mutant(
         "C1.15",
         "a goal is sent though the server refuses to stop the one that it replaces",
-        "_calls/replacing.py",
+        "_calls/sending/replacing.py",
         "self._on_kept(tuple(each for one in left for each in one._call.goals.left().reports))",
         "self._on_stopped() if left else None",
         ("client/test_replaces.py::test_nothing_is_sent_if_the_server_refuses_to_stop",),
@@ -568,7 +568,7 @@ MUTANTS = (
     Mutant(
         "C1.15",
         "the goals that an earlier call was to replace itself are forgotten",
-        "_calls/replacing.py",
+        "_calls/sending/replacing.py",
         "    return () if earlier is None else (earlier, *earlier._call.to_replace)",
         "    return () if earlier is None else (earlier,)",
         (
@@ -578,7 +578,7 @@ MUTANTS = (
     Mutant(
         "C1.15",
         "a goal that was replaced is sent again",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "        if ending.end in _STOPPED and self._is_replaced:",
         "        if False:",
         ("client/test_replaces.py::test_a_server_that_preempts_gets_the_goal_at_once",),
@@ -586,7 +586,7 @@ MUTANTS = (
     Mutant(
         "C1.15",
         "with `preempt=True`, the new goal waits until the earlier one was cancelled",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "        if self._replaced and not request.preempt:",
         "        if self._replaced:",
         ("client/test_replaces.py::test_a_server_that_preempts_gets_the_goal_at_once",),
@@ -594,7 +594,7 @@ MUTANTS = (
     Mutant(
         "C1.15",
         "a goal is replaced though another one of its call may run",
-        "_calls/call_view.py",
+        "_calls/futures/call_view.py",
         "        return any(goal.blocks_another(**unless) for goal in self._goals)",
         "        return any(goal.blocks_another(**unless) for goal in self._goals[-1:])",
         (
@@ -607,7 +607,7 @@ MUTANTS = (
     Mutant(
         "C1.15",
         "a new goal that was rejected counts as one that has replaced the earlier one",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "        if self._request.preempt and self.goals.accepted:\n",
         "        if self._request.preempt:\n",
         ("client/test_replaces.py::test_a_new_goal_that_is_rejected_replaces_nothing",),
@@ -655,7 +655,7 @@ MUTANTS = (
     Mutant(
         "C1.16",
         "the future of an earlier call cancels a goal that another call has taken over",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "                and attempt.goal.settled\n",
         "",
         ("client/test_attach.py::test_a_goal_that_an_earlier_call_gave_up_on_is_taken_over",),
@@ -671,7 +671,7 @@ MUTANTS = (
     Mutant(
         "C1.16",
         "a cancel is lost that comes before a server is in sight",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "            return [cx.AwaitEarlier()]",
         "            return self._end(fx.Ending(fx.End.CANCELLED_BY_CALLER, GoalState.SENDING))",
         ("client/test_attach.py::test_a_cancel_before_a_server_is_in_sight_is_not_lost",),
@@ -689,7 +689,7 @@ MUTANTS = (
     Mutant(
         "C1.16",
         "goals of a server that does not answer are not told of",
-        "_calls/everything.py",
+        "_calls/cancel_everything.py",
         "if action.unheard else {}",
         "if False else {}",
         ("client/test_attach.py::test_the_goals_of_a_server_that_stands_still_are_unknown",),
@@ -697,7 +697,7 @@ MUTANTS = (
     Mutant(
         "C1.16",
         "cancelling everything leaves goals of others running",
-        "_calls/everything.py",
+        "_calls/cancel_everything.py",
         "            [action],\n",
         "            [],\n",
         ("client/test_attach.py::test_everything_is_cancelled_also_what_others_have_sent",),
@@ -705,7 +705,7 @@ MUTANTS = (
     Mutant(
         "C1.16",
         "a cancel is lost that comes before a goal of somebody else is attached to",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "        if request.attach is not None and self.unwanted:\n",
         "        if False:\n",
         ("client/test_attach.py::test_a_cancel_before_a_server_is_in_sight_is_not_lost",),
@@ -713,7 +713,7 @@ MUTANTS = (
     Mutant(
         "C1.16",
         "a program that ends cancels the goal of somebody else",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "        if self.left_alone and not self.unwanted:\n",
         "        if False:\n",
         ("client/test_attach.py::test_a_program_that_is_told_to_end_leaves_it_too",),
@@ -721,7 +721,7 @@ MUTANTS = (
     Mutant(
         "C1.16",
         "a cancelled task cancels the goal of somebody else",
-        "_calls/future.py",
+        "_calls/futures/future.py",
         " or self._call.left_alone:\n            return False",
         ":\n            return False",
         ("client/test_attach.py::test_giving_up_leaves_it_or_cancels_it[task-leave]",),

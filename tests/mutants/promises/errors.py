@@ -26,7 +26,7 @@ MUTANTS = (
     Mutant(
         "C3.1",
         "the empty answer for a goal that the server has forgotten is a success",
-        "_ros/codes.py",
+        "_ros/answers/codes.py",
         "    GoalStatus.STATUS_ACCEPTED: GoalState.ACCEPTED,\n",
         "    GoalStatus.STATUS_UNKNOWN: GoalState.SUCCEEDED,\n"
         "    GoalStatus.STATUS_ACCEPTED: GoalState.ACCEPTED,\n",
@@ -35,7 +35,7 @@ MUTANTS = (
     Mutant(
         "C3.1",
         "a call waits for a server though the name has another type",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "return self._end(fx.Ending(fx.End.TYPE_MISMATCH, GoalState.SENDING, served=served))",
         "return []",
         (
@@ -45,7 +45,7 @@ MUTANTS = (
     Mutant(
         "C3.1",
         "a call hangs if the middleware does not take its goal",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "return self._end(fx.Ending(fx.End.INVALID, GoalState.SENDING, error=error))",
         "return []",
         (
@@ -71,7 +71,7 @@ MUTANTS = (
     Mutant(
         "C3.1",
         "a call on a thread that has died hangs",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "        if failure is not None:\n            call.fail",
         "        if False:\n            call.fail",
         ("unit/test_signal_safety.py::test_a_call_on_a_thread_that_died_fails",),
@@ -79,7 +79,7 @@ MUTANTS = (
     Mutant(
         "C3.1",
         "a call whose thread dies hangs",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "            call.fail(DIED, error)\n        for",
         "            pass\n        for",
         ("unit/test_signal_safety.py::test_a_call_on_a_thread_that_died_fails",),
@@ -87,7 +87,7 @@ MUTANTS = (
     Mutant(
         "C3.2",
         "an error does not keep its cause",
-        "_calls/explain.py",
+        "_calls/errors/explain.py",
         "        error.__cause__ = ending.error\n",
         "        pass\n",
         ("unit/test_explain.py::test_the_facts_of_each_error",),
@@ -103,7 +103,7 @@ MUTANTS = (
     Mutant(
         "C3.2",
         "servers of a similar name are not told",
-        "_calls/graph_snapshot.py",
+        "_calls/errors/graph_snapshot.py",
         "    close = similar_names(action_name, sorted(actions))\n",
         "    close: list[str] = []\n",
         ("unit/test_explain.py::test_without_a_server_the_text_tells_what_is_seen",),
@@ -111,7 +111,7 @@ MUTANTS = (
     Mutant(
         "C3.2",
         "the error for another type does not say which types are served",
-        "_calls/explain.py",
+        "_calls/errors/explain.py",
         "        error.served = ending.served\n",
         "        pass\n",
         ("unit/test_explain.py::test_the_facts_of_each_error",),
@@ -119,7 +119,7 @@ MUTANTS = (
     Mutant(
         "C3.2",
         "an error does not say after how long it happened",
-        "_calls/explain.py",
+        "_calls/errors/explain.py",
         '        "elapsed": call.elapsed,\n',
         "",
         ("unit/test_explain.py::test_an_error_tells_what_happened_to_which_action_and_what_to_do",),
@@ -127,7 +127,7 @@ MUTANTS = (
     Mutant(
         "C3.3",
         "`classify=` makes a success of a goal that was rejected or canceled",
-        "_calls/classify.py",
+        "_calls/retries/classify.py",
         "        if verdict is Verdict.SUCCESS and lack:\n",
         "        if verdict is Verdict.SUCCESS and not outcome:\n",
         ("unit/test_classify.py::test_what_can_be_judged_a_success",),
@@ -135,7 +135,7 @@ MUTANTS = (
     Mutant(
         "C3.3",
         "a success stays one where `classify=` raises",
-        "_calls/classify.py",
+        "_calls/retries/classify.py",
         'return Fault(f"{label_of(classify)} raised {described(error)}", error)',
         "return default_verdict(outcome)",
         ("unit/test_classify.py::test_a_function_that_raises_gives_no_verdict",),
@@ -143,7 +143,7 @@ MUTANTS = (
     Mutant(
         "C3.3",
         "a success stays one where `classify=` gives no valid answer",
-        "_calls/classify.py",
+        "_calls/retries/classify.py",
         "failed = succeeded or verdict.impossible",
         "failed = verdict.impossible",
         ("unit/test_classify.py::test_without_a_verdict_nothing_is_a_success",),
@@ -151,7 +151,7 @@ MUTANTS = (
     Mutant(
         "C3.3",
         "a success stays one where `classify=` does not answer",
-        "_calls/classify_runner.py",
+        "_calls/retries/classify_runner.py",
         'verdict = Fault(f"{label} {verdict.why}", asked=verdict.asked)',
         "verdict = default_verdict(outcome)",
         (

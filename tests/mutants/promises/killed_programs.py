@@ -8,7 +8,7 @@ MUTANTS = (
     Mutant(
         "C12.1",
         "a call is removed from the ledger though its goal may run",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "        left = self.machine.abandoned or not self.goals.block_another()\n",
         "        left = True\n",
         ("client/test_ledger.py::test_a_call_that_is_over_is_not_looked_for_beyond_its_last_goal",),
@@ -16,7 +16,7 @@ MUTANTS = (
     Mutant(
         "C12.1",
         "a call that is over stays in the ledger, though its goal stops later",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "        self._strike_out()\n        self._do(self.machine.earlier_over())\n",
         "        self._do(self.machine.earlier_over())\n",
         ("client/test_ledger.py::test_a_call_that_is_over_is_not_looked_for_beyond_its_last_goal",),
@@ -24,7 +24,7 @@ MUTANTS = (
     Mutant(
         "C12.1",
         "a goal that was left on purpose stays in the ledger",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "        left = self.machine.abandoned or not self.goals.block_another()\n",
         "        left = not self.goals.block_another()\n",
         ("client/test_ledger.py::test_a_goal_that_is_left_on_purpose_is_removed",),
@@ -32,7 +32,7 @@ MUTANTS = (
     Mutant(
         "C12.1",
         "a goal is sent though it could not be written down",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "            call.write_down(self.ledger, self.identity.domain_id)\n",
         "            self.call_soon(\n"
         "                partial(call.write_down, self.ledger, self.identity.domain_id))\n",
@@ -44,7 +44,7 @@ MUTANTS = (
     Mutant(
         "C12.1",
         "the ids of retries do not follow from the first one",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "        self.machine.use_ids(partial(ledger._attempt_id, call_id))\n",
         "",
         ("client/test_ledger.py::test_a_retry_is_found_by_the_id_that_follows_from_the_first",),
@@ -84,7 +84,7 @@ MUTANTS = (
     Mutant(
         "C12.2",
         "goals that may run are told to have stopped",
-        "_ros/stopping/cancelling.py",
+        "_ros/cancelling/cancelling.py",
         "        return CancelReport.__members__.get(self.cancel, CancelReport.NOT_NEEDED)\n",
         "        return CancelReport.__members__.get(self.cancel[:9], CancelReport.NOT_NEEDED)"
         ' if self.cancel != "UNKNOWN" else CancelReport.NOT_NEEDED\n',
@@ -197,7 +197,7 @@ MUTANTS = (
     Mutant(
         "C12.2",
         "a goal that is accepted long after it was asked for is not cancelled",
-        "_ros/stopping/cancelling.py",
+        "_ros/cancelling/cancelling.py",
         "            if (silent or (runs and answered)) and",
         "            if silent and",
         ("unit/test_stopping.py::test_a_goal_that_is_seen_to_run_after_an_answer_is_asked_again",),
@@ -215,7 +215,7 @@ MUTANTS = (
     Mutant(
         "C12.2",
         "a goal that is seen to run stays settled",
-        "_ros/stopping/cancelling.py",
+        "_ros/cancelling/cancelling.py",
         "        if runs and target.fate is not None:\n",
         "        if False:\n",
         ("client/test_ledger.py::test_a_goal_that_is_seen_to_run_is_not_settled_any_more",),
@@ -241,7 +241,7 @@ MUTANTS = (
     Mutant(
         "C12.2",
         "a goal that a server without status is just accepting runs on",
-        "_ros/stopping/cancelling.py",
+        "_ros/cancelling/cancelling.py",
         "            known = target.consents or target.answer is CancelAnswer.TERMINATED\n",
         "            known = target.consents\n",
         (
@@ -275,7 +275,7 @@ MUTANTS = (
     Mutant(
         "C12.2",
         "a server that has not answered counts as one that does not know the goal",
-        "_ros/stopping/cancelling.py",
+        "_ros/cancelling/cancelling.py",
         "max(target.unknown.values(), default=0) >= max(1, servers)\n",
         "max(target.unknown.values(), default=0) >= 1\n",
         (
@@ -296,7 +296,7 @@ MUTANTS = (
     Mutant(
         "C12.2",
         "a goal that was taken over and is left is not named",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "left += [goal for goal in taken_over if not any(goal is other for other in left)]",
         "pass",
         ("client/test_ledger.py::test_a_goal_that_was_taken_over_and_is_left_is_named",),

@@ -52,7 +52,7 @@ MUTANTS = (
     Mutant(
         "C5.2",
         "nobody looks for a restart when one of two servers does not know a goal",
-        "_ros/link.py",
+        "_ros/sending/link.py",
         """            # the goal is dead (R1).
             self.monitor.restarts.start()""",
         "            # the goal is dead (R1).",
@@ -87,7 +87,7 @@ MUTANTS = (
     Mutant(
         "C5.3",
         "what a server said just before it left is not read",
-        "_ros/link.py",
+        "_ros/sending/link.py",
         "            answers.take()\n",
         "            pass\n",
         ("unit/test_link.py::test_what_a_server_said_before_it_went_is_read_first",),
@@ -149,7 +149,7 @@ MUTANTS = (
     Mutant(
         "C5.4",
         "a process is not watched for standstills any more after it was idle for a while",
-        "_ros/link.py",
+        "_ros/sending/link.py",
         "        self.runtime.standstill.watch()\n        self.monitor.await_server(waiter)",
         "        self.monitor.await_server(waiter)",
         ("unit/test_link.py::test_each_call_has_this_process_watched_for_standstills",),
@@ -237,7 +237,7 @@ MUTANTS = (
     Mutant(
         "C5.6",
         "nobody hears of a server that accepts a goal after its end",
-        "_ros/requests.py",
+        "_ros/sending/requests.py",
         "                    self._released[seq] = keep\n",
         "                    pass\n",
         ("unit/test_link.py::test_a_goal_that_is_accepted_after_its_end_is_told_of_once",),
@@ -301,7 +301,7 @@ MUTANTS = (
     Mutant(
         "C5.7",
         "each server that is ready counts as the one that has the goal",
-        "_calls/attempt.py",
+        "_calls/sending/attempt.py",
         "back = self._link.sees_server_of(self) and not (facts.servers > 1 and facts.away)",
         "back = not (facts.servers > 1 and facts.away)",
         ("unit/test_call_properties.py::test_subtle_orders",),
@@ -309,7 +309,7 @@ MUTANTS = (
     Mutant(
         "C5.7",
         "an answer counts that was given before the server had the goal",
-        "_calls/attempt.py",
+        "_calls/sending/attempt.py",
         "        if state is None and outdated:\n",
         "        if state is None and outdated and self._has_result:\n",
         ("unit/test_requests.py::test_a_late_answer_to_an_early_question_ends_nothing",),

@@ -8,7 +8,7 @@ MUTANTS = (
     Mutant(
         "C4.1",
         "a call sends one goal more than its policy allows",
-        "_calls/retry.py",
+        "_calls/retries/retry.py",
         "tenacity.stop_after_attempt(policy.attempts)",
         "tenacity.stop_after_attempt(policy.attempts + 1)",
         ("unit/test_retry.py::test_attempts_include_the_first",),
@@ -24,7 +24,7 @@ MUTANTS = (
     Mutant(
         "C4.1",
         "a pause is begun that ends after the deadline",
-        "_calls/retry_runner.py",
+        "_calls/retries/retry_runner.py",
         "too_late = deadline is not None and now() + pause >= deadline",
         "too_late = False",
         ("unit/test_retry.py::test_a_pause_that_would_cross_the_deadline_is_not_begun",),
@@ -32,7 +32,7 @@ MUTANTS = (
     Mutant(
         "C4.1",
         "the error does not say which limit ended the retries",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "return self._end(replace(ending, not_retried=waited + plan.reason))",
         "return self._end(ending)",
         (
@@ -42,7 +42,7 @@ MUTANTS = (
     Mutant(
         "C4.1",
         "a permanent failure is tried again",
-        "_calls/classify.py",
+        "_calls/retries/classify.py",
         "return Verdict.TRANSIENT if transient else Verdict.PERMANENT",
         "return Verdict.TRANSIENT",
         ("unit/test_classify.py::test_each_error_says_whether_trying_again_may_help",),
@@ -50,7 +50,7 @@ MUTANTS = (
     Mutant(
         "C4.2",
         "a goal is sent again that may run",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "return all(self._allows_another(earlier) for earlier in self.earlier)",
         "return True",
         ("unit/test_call_properties.py::test_subtle_orders",),
@@ -66,7 +66,7 @@ MUTANTS = (
     Mutant(
         "C4.2",
         "leftovers look for no other goal though the policy sends one beside it",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         '            parallel=retry.resend in ("server_gone", "always"),\n',
         '            parallel=retry.resend == "always",\n',
         ("unit/test_another_goal.py::test_whether_another_goal_may_be_sent",),
@@ -82,7 +82,7 @@ MUTANTS = (
     Mutant(
         "C4.2",
         "by default a goal is sent again when its server is gone",
-        "_calls/retry.py",
+        "_calls/retries/retry.py",
         '(news is LastNews.SERVER_GONE and resend == "server_gone")',
         "news is LastNews.SERVER_GONE",
         ("unit/test_retry.py::test_whether_a_goal_is_sent_again",),
@@ -90,7 +90,7 @@ MUTANTS = (
     Mutant(
         "C4.2",
         "the most careful policy sends a goal again that may have been accepted",
-        "_calls/retry.py",
+        "_calls/retries/retry.py",
         '    if resend == "never_accepted":\n        return False',
         '    if resend == "never_accepted" and not news:\n        return False',
         ("unit/test_retry.py::test_whether_a_goal_is_sent_again",),
@@ -118,7 +118,7 @@ MUTANTS = (
     Mutant(
         "C4.2",
         "another goal is not sent when the earlier one is known to have stopped",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "        if self.machine.phase is Phase.WAITING and self._session.server_is_ready():\n"
         "            self.on_server_ready()\n",
         "",
@@ -137,7 +137,7 @@ MUTANTS = (
     Mutant(
         "C4.3",
         "lost goals are not asked about before another one is sent",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "            if earlier.goal.stage is Stage.LOST and self._session.server_is_ready():\n",
         "            if earlier.goal.stage is Stage.OVER and self._session.server_is_ready():\n",
         (
@@ -147,7 +147,7 @@ MUTANTS = (
     Mutant(
         "C4.3",
         "a late success is not taken, and the goal is sent again",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "        if attempt not in self.earlier or self.attempt is not None:\n",
         "        if attempt in self.earlier or self.attempt is not None:\n",
         ("unit/test_call_properties.py::test_a_late_success_is_taken_in_place_of_another_goal",),
@@ -155,7 +155,7 @@ MUTANTS = (
     Mutant(
         "C4.3",
         "an outcome with the late end of an earlier goal names the goal after it",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "        self.previous, self.goal_id = attempt, attempt.goal_id\n",
         "        self.goal_id = attempt.goal_id\n",
         ("unit/test_call_machine.py::test_the_outcome_names_the_goal_whose_late_end_it_describes",),
@@ -163,7 +163,7 @@ MUTANTS = (
     Mutant(
         "C4.3",
         "a goal is sent again while the result of an earlier one is on its way",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "ended_as = earlier.goal.awaits_result_of",
         "ended_as = None",
         (
@@ -173,7 +173,7 @@ MUTANTS = (
     Mutant(
         "C4.4",
         "a goal that somebody else has cancelled is tried again",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "if verdict is not Verdict.TRANSIENT or ending.end is fx.End.CANCELED_BY_OTHER:",
         "if verdict is not Verdict.TRANSIENT:",
         ("unit/test_call_properties.py::test_subtle_orders",),
@@ -181,7 +181,7 @@ MUTANTS = (
     Mutant(
         "C4.4",
         "a call whose goal somebody else cancels waits for another server when its own was lost",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "        if end := self._end_for_others():\n",
         "        if self.unwanted and (end := self._end_for_others()):\n",
         (
@@ -199,7 +199,7 @@ MUTANTS = (
     Mutant(
         "C4.4",
         "each cancel counts as ours if this client has asked for one, too",
-        "_calls/attempt.py",
+        "_calls/sending/attempt.py",
         "return self._cancels > 0",
         "return self._first_cancel_at > 0",
         ("unit/test_call_properties.py::test_subtle_orders",),
@@ -207,7 +207,7 @@ MUTANTS = (
     Mutant(
         "C4.4",
         "nobody looks in a goal's first second whether somebody else cancels it",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "made.goal.watched_early = may_fail_for_now and tries_again",
         "made.goal.watched_early = False",
         ("unit/test_session.py::test_what_may_be_sent_again_is_watched_from_the_beginning",),
@@ -215,7 +215,7 @@ MUTANTS = (
     Mutant(
         "C4.4",
         "a result is judged before the status that shows somebody else's cancel is read",
-        "_ros/link.py",
+        "_ros/sending/link.py",
         "self._status.take_now()  # somebody may",
         "pass  # somebody may",
         ("unit/test_link.py::test_the_status_that_came_before_a_result_is_read_first",),
@@ -223,7 +223,7 @@ MUTANTS = (
     Mutant(
         "C4.4",
         "a lost goal is sent again though somebody else is seen to cancel it before",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         " or not self.goals.others_cancel:\n",
         " or not self.goals.others_cancel or self.phase is not Phase.JUDGING:\n",
         ("unit/test_call_properties.py::test_subtle_orders",),
@@ -239,7 +239,7 @@ MUTANTS = (
     Mutant(
         "C4.5",
         "a budget is never used up",
-        "_calls/budget.py",
+        "_calls/retries/budget.py",
         "self._change(-1.0)",
         "self._change(0.0)",
         (
@@ -249,7 +249,7 @@ MUTANTS = (
     Mutant(
         "C4.5",
         "calls are tried again though the budget forbids it",
-        "_calls/retry.py",
+        "_calls/retries/retry.py",
         "    if not budget.allows_retry:\n",
         "    if not budget:\n",
         ("unit/test_call_properties.py::test_the_budget_forbids_retries_and_counts_each_call",),
@@ -257,7 +257,7 @@ MUTANTS = (
     Mutant(
         "C4.5",
         "failures do not count against the budget",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "(budget.on_success if effect.success else budget.on_transient_failure)()",
         "budget.on_success()",
         ("unit/test_call_properties.py::test_the_budget_forbids_retries_and_counts_each_call",),

@@ -8,7 +8,7 @@ MUTANTS = (
     Mutant(
         "C2.1",
         "a call waits for a server after its deadline",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "            self._waited()\n",
         "            pass\n",
         ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
@@ -16,7 +16,7 @@ MUTANTS = (
     Mutant(
         "C2.1",
         "the deadline of a call never passes",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "self._deadline_timer = self._session.call_at(self._deadline, deadline_passed)",
         "self._deadline_timer = None",
         ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
@@ -40,7 +40,7 @@ MUTANTS = (
     Mutant(
         "C2.2",
         "the wait for a server has no limit of its own",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "self._wait_until = None if self._server_limit is None else now + self._server_limit",
         "self._wait_until = None",
         ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
@@ -119,7 +119,7 @@ MUTANTS = (
     Mutant(
         "C2.3",
         "goals whose deadline has passed are cancelled after others",
-        "_calls/attempt.py",
+        "_calls/sending/attempt.py",
         "urgent = self.owner.urgent or self.goal.cancel_reason is CancelReason.DEADLINE",
         "urgent = self.owner.urgent",
         ("unit/test_call_properties.py::test_a_caller_with_little_time_left_comes_first",),
@@ -167,7 +167,7 @@ MUTANTS = (
     Mutant(
         "C2.4",
         "a server that does not know a cancelled goal yet is not asked again",
-        "_ros/cancels.py",
+        "_ros/cancelling/cancels.py",
         "known = answer is not CancelAnswer.UNKNOWN_GOAL",
         "known = True",
         ("unit/test_cancels.py::test_a_server_that_does_not_know_the_goal_is_asked_again",),
@@ -175,7 +175,7 @@ MUTANTS = (
     Mutant(
         "C2.4",
         "a closed client does not look after goals that may be accepted late",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)",
         "watched = False",
         ("client/test_cancel.py::test_late_acceptance_after_closing_is_cancelled",),
@@ -193,7 +193,7 @@ MUTANTS = (
     Mutant(
         "C2.4",
         "a cancel request is sent once, and is not repeated if it is lost",
-        "_ros/cancels.py",
+        "_ros/cancelling/cancels.py",
         "                now + pause, partial(self._enqueue, key, cancellation)",
         "                now + 1e6, partial(self._enqueue, key, cancellation)",
         ("unit/test_cancels.py::test_what_is_not_answered_is_asked_again_less_and_less_often",),
@@ -201,7 +201,7 @@ MUTANTS = (
     Mutant(
         "C2.4",
         "a closed client forgets goals that run on a second server",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "        self._attempts[made] = None\n        made.take_back(",
         "        made.take_back(",
         ("unit/test_session.py::test_it_stays_while_goals_are_cancelled_on_a_second_server",),
@@ -209,7 +209,7 @@ MUTANTS = (
     Mutant(
         "C2.5",
         "Ctrl-C in a blocking call does not cancel the goal",
-        "_calls/closing.py",
+        "_calls/at_exit/closing.py",
         "    call.request_cancel(urgent=True)\n",
         "",
         ("client/test_interrupt.py::test_ctrl_c_in_a_blocking_call[plain]",),
@@ -217,7 +217,7 @@ MUTANTS = (
     Mutant(
         "C2.5",
         "the goal of a human who waits is cancelled after others",
-        "_calls/closing.py",
+        "_calls/at_exit/closing.py",
         "    call.request_cancel(urgent=True)\n",
         "    call.request_cancel()\n",
         (
@@ -227,7 +227,7 @@ MUTANTS = (
     Mutant(
         "C2.5",
         "urgent cancels are queued with the others",
-        "_ros/cancels.py",
+        "_ros/cancelling/cancels.py",
         "self._outbox.put(key, cancellation, urgent=cancellation.urgent)",
         "self._outbox.put(key, cancellation)",
         ("unit/test_cancels.py::test_those_in_a_hurry_go_first",),
@@ -235,7 +235,7 @@ MUTANTS = (
     Mutant(
         "C2.5",
         "Ctrl-C does not wait for the confirmation of the cancel",
-        "_calls/closing.py",
+        "_calls/at_exit/closing.py",
         "_await_ends([session], [future], session.cancel_grace)",
         "_await_ends([session], [future], 0.0)",
         ("client/test_interrupt.py::test_ctrl_c_in_a_blocking_call[plain]",),
@@ -243,7 +243,7 @@ MUTANTS = (
     Mutant(
         "C2.5",
         "rclpy's signal handler lets goals run before the blocking call hears of Ctrl-C",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "            if self._abandon:\n                self.call_at(",
         "            if self._abandon and self._closed:\n                self.call_at(",
         ("unit/test_session.py::test_goals_are_let_run_only_when_nobody_has_heard_of_ctrl_c",),
@@ -251,7 +251,7 @@ MUTANTS = (
     Mutant(
         "C2.5",
         "a cancelled call waits for another server when its own was lost",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         'why = "its caller no longer wants it" if self.unwanted else self.closing',
         "why = self.closing",
         (
@@ -261,7 +261,7 @@ MUTANTS = (
     Mutant(
         "C2.5",
         "closing waits again after Ctrl-C has ended such a wait",
-        "_calls/closing.py",
+        "_calls/at_exit/closing.py",
         "    hurry = any(session.was_interrupted for session in sessions)\n",
         "    hurry = False\n",
         ("unit/test_session.py::test_closing_does_not_wait_after_ctrl_c_has_ended_such_a_wait",),
@@ -269,7 +269,7 @@ MUTANTS = (
     Mutant(
         "C2.5",
         "Ctrl-C that a handler answers wakes no event loop",
-        "_calls/signals.py",
+        "_calls/on_signal/signals.py",
         "                wake()\n",
         "                pass\n",
         ("client/test_interrupt.py::test_a_handler_that_wakes_no_loop_cancels_what_is_awaited",),
@@ -285,7 +285,7 @@ MUTANTS = (
     Mutant(
         "C2.6",
         "goals begin between a signal and the end of the process",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "            call.unwanted = True  #",
         "            pass  #",
         ("client/test_shutdown.py::test_nothing_begins_between_the_signal_and_the_end",),
@@ -293,7 +293,7 @@ MUTANTS = (
     Mutant(
         "C2.6",
         "a signal does not cancel the goals",
-        "_calls/signals.py",
+        "_calls/on_signal/signals.py",
         "            cancel_goals(work.hurry.is_set)\n",
         "            pass\n",
         ("client/test_shutdown.py::test_nothing_begins_between_the_signal_and_the_end",),
@@ -301,7 +301,7 @@ MUTANTS = (
     Mutant(
         "C2.6",
         "a signal is not heard while the main thread is in C code",
-        "_calls/signals.py",
+        "_calls/on_signal/signals.py",
         "            if numbers and not self._heard.wait(_MAIN_HEARS):\n",
         "            if numbers and self._heard.is_set():\n",
         ("client/test_shutdown.py::test_goals_are_cancelled_while_the_main_thread_hears_nothing",),
@@ -309,7 +309,7 @@ MUTANTS = (
     Mutant(
         "C2.6",
         "calls go on when the user's context was shut down",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         """            else:
                 self._end_calls()
         self.port.end_spinning()""",
@@ -319,7 +319,7 @@ MUTANTS = (
     Mutant(
         "C2.6",
         "nobody notices that the user's node was destroyed",
-        "_calls/session.py",
+        "_calls/sending/session.py",
         "            if self.port.has_node and self._node_timer is None:\n",
         "            if self._closed:\n",
         ("client/test_shutdown.py::test_the_end_of_the_users_node_ends_its_calls[destroy]",),
@@ -327,7 +327,7 @@ MUTANTS = (
     Mutant(
         "C2.6",
         "a program that is told to end does not warn of goals that may run",
-        "_calls/exit.py",
+        "_calls/at_exit/exit.py",
         "    finally:\n        warn_of_goals_left(_give_up_waiting(sessions))\n",
         "    finally:\n        _give_up_waiting(sessions)\n",
         ("client/test_exit.py::test_a_silent_server_does_not_hold_up_the_exit[SIGTERM]",),
@@ -335,7 +335,7 @@ MUTANTS = (
     Mutant(
         "C2.6",
         "a program that is told to end does not wait for confirmations",
-        "_calls/exit.py",
+        "_calls/at_exit/exit.py",
         "while any(session.calls or session.confirming for session in sessions) and not hurry():",
         "while False:",
         (
@@ -345,7 +345,7 @@ MUTANTS = (
     Mutant(
         "C2.6",
         "nobody is told that rclpy's signal handler has shut down ROS",
-        "_ros/runtime.py",
+        "_ros/communication/runtime.py",
         "            for callback in list(self.on_shutdown):\n",
         "            for callback in ():\n",
         (
@@ -355,7 +355,7 @@ MUTANTS = (
     Mutant(
         "C2.7",
         "a call that found no server tries again",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "(self._end if late or self._last is None else self._plan)(ending)",
         "(self._end if late else self._plan)(ending)",
         ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
@@ -363,7 +363,7 @@ MUTANTS = (
     Mutant(
         "C2.7",
         "a deadline without a server is not told as no server",
-        "_calls/retry.py",
+        "_calls/retries/retry.py",
         "if late and (ready or last is not None):",
         "if late:",
         ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
@@ -371,7 +371,7 @@ MUTANTS = (
     Mutant(
         "C2.7",
         "a call without a server ends at once",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "            self._wait = self._session.call_at(effect.until, self._waited)\n",
         "            self._waited()\n",
         ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
@@ -379,7 +379,7 @@ MUTANTS = (
     Mutant(
         "C2.8",
         "a goal that one of two servers has ended counts as ended",
-        "_ros/stopping/goal_board.py",
+        "_ros/others_goals/goal_board.py",
         "    found = list(states)\n",
         "    found = [*states]\n    found = [each for each in found if each in _ENDED] or found\n",
         (
@@ -399,7 +399,7 @@ MUTANTS = (
     Mutant(
         "C2.8",
         "an error does not name the other goals of its call that may run",
-        "_calls/still_running.py",
+        "_calls/errors/still_running.py",
         "return name_those_left(goal for goal in ending.goals if goal.goal_id != told)",
         'return ""',
         ("unit/test_explain.py::test_other_goals_of_the_call_that_may_run_are_named",),
@@ -407,7 +407,7 @@ MUTANTS = (
     Mutant(
         "C2.8",
         "a cancelled call says that nothing runs, though an earlier goal may",
-        "_calls/machine.py",
+        "_calls/sending/machine.py",
         "if ending.end is fx.End.CANCELLED_BY_CALLER and (may_run := ending.may_run):",
         "if ending.end is fx.End.CANCELLED_BY_CALLER and (may_run := ()):",
         ("unit/test_call_properties.py::test_who_cancels_in_a_pause_waits_for_the_goals_that_run",),
@@ -425,7 +425,7 @@ MUTANTS = (
     Mutant(
         "C2.8",
         "Ctrl-C does not tell which goals may run",
-        "_calls/closing.py",
+        "_calls/at_exit/closing.py",
         "    future._tell_of_goals_left(error)\n",
         "",
         ("client/test_interrupt.py::test_ctrl_c_tells_at_once_what_may_still_run[1]",),
@@ -443,7 +443,7 @@ MUTANTS = (
     Mutant(
         "C2.8",
         "closing does not name a goal that may run",
-        "_calls/closing.py",
+        "_calls/at_exit/closing.py",
         "        warn_of_goals_left(session.take_untold(), ",
         "        warn_of_goals_left(session.take_untold() and [], ",
         ("client/test_cancel.py::test_a_silent_server_does_not_hold_up_closing",),
@@ -451,7 +451,7 @@ MUTANTS = (
     Mutant(
         "C2.8",
         "a goal that nobody knows of is known not to run",
-        "_calls/call_view.py",
+        "_calls/futures/call_view.py",
         "None if None in known else False",
         "False",
         ("unit/test_known_to_run.py::test_of_several_the_worst_counts",),
@@ -459,7 +459,7 @@ MUTANTS = (
     Mutant(
         "C2.8",
         "the error of a cancelled task does not name the goal that may run",
-        "_calls/awaiting.py",
+        "_calls/waiting/awaiting.py",
         "                tell(error)\n",
         "                pass\n",
         ("client/test_asyncio.py::test_a_cancelled_task_is_told_at_once_what_may_still_run",),
@@ -467,7 +467,7 @@ MUTANTS = (
     Mutant(
         "C2.8",
         "a second Ctrl-C does not tell what may run",
-        "_calls/closing.py",
+        "_calls/at_exit/closing.py",
         "        future._tell_of_goals_left(second)\n        raise",
         "        raise",
         ("client/test_interrupt.py::test_ctrl_c_tells_at_once_what_may_still_run[2]",),
@@ -475,7 +475,7 @@ MUTANTS = (
     Mutant(
         "C2.9",
         "the communication thread waits for a lock that an interrupted main thread may hold",
-        "_calls/future.py",
+        "_calls/futures/future.py",
         "self._condition.acquire(blocking=False)",
         "self._condition.acquire()",
         ("unit/test_signal_safety.py::test_a_future_is_settled_while_its_lock_is_held",),

@@ -27,7 +27,7 @@ MUTANTS = (
     Mutant(
         "C6.2",
         "what happens to a goal after its call is over is not told",
-        "_calls/call.py",
+        "_calls/sending/call.py",
         "        event = self._record.note(\n            attempt.goal_id,",
         "        if self._settled:\n            return\n"
         "        event = self._record.note(\n            attempt.goal_id,",

@@ -1,0 +1,1 @@
+"""What the user holds of a call: its future, its feedback, its goals."""

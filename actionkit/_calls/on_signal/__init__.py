@@ -1,0 +1,1 @@
+"""A signal tells the process to end: its goals are cancelled."""

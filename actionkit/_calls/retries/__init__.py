@@ -1,0 +1,1 @@
+"""Whether a call has succeeded, and whether it tries again."""

@@ -1,0 +1,1 @@
+"""What surrounds the process: the ROS domain, security, other processes."""

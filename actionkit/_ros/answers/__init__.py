@@ -1,0 +1,1 @@
+"""What servers say about goals: status, feedback, and the codes in answers."""

@@ -1,0 +1,123 @@
+"""Cancels goals of actions that are in sight, and follows them until they have ended."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from actionkit._ros.cancelling.cancelling import Cancelling, Fate
+from actionkit._ros.others_goals.goal_board import arrived
+
+if TYPE_CHECKING:
+    from actionkit._ros.cancelling.cancel import GoalCanceller
+    from actionkit._ros.others_goals.survey import Survey
+
+_TICK = 0.05
+"""Seconds between two looks at the graph."""
+_ANSWER = 1.0
+"""Seconds for the answers to the last request, even if the time is over."""
+
+
+def cancel_goals(
+    survey: Survey,
+    actions: list[Cancelling],
+    *,
+    over: Callable[[float], bool],
+    look: float,
+    least: float | None = None,
+    accepted_until: float = 0.0,
+    on_fate: Callable[[Fate], object] = lambda _: None,
+    on_error: Callable[[str, Exception], object] = lambda *_: None,
+) -> None:
+    """Cancel goals until it is known what happened to each, or the time is `over`.
+
+    Args:
+        survey: Sees the actions. The goals are cancelled from its place.
+        actions: The goals of these are cancelled.
+        over: Whether the time is over. Asked often, with the time on the monotonic clock.
+        look: Seconds to look for servers at least, even if the time is over; a server that is not
+            seen at once is seen within 3 s.
+        least: The same, from when each action has a server: there may be a second one, and the
+            status may come later. `None` means that all actions that come into sight are added. In
+            the end, those without a server are added, too, if clients of theirs may have goals.
+        accepted_until: Requests for all goals count for those that were accepted until then, in
+            seconds since the epoch by the server's clock; 0 means for all.
+        on_fate: Gets each fate when it is known.
+        on_error: Gets the name of each action with goals that cannot be cancelled, and the error.
+    """
+    from actionkit._ros.cancelling.cancel import AllSaid, CancelSaid, GoalCanceller
+    from actionkit._ros.others_goals.watch import StatusReader
+
+    inbox: queue.SimpleQueue[tuple[Cancelling, Any]] = queue.SimpleQueue()
+    cancellers: dict[str, GoalCanceller] = {}
+    by_name = {action.name: action for action in actions}
+    began = time.monotonic()
+    complete: float | None = None
+    """Since when each action has a server."""
+    last: float | None = None
+    """Until when the answers to the last request may come; it is sent after looking for servers."""
+    broken: set[str] = set()
+    """Names that rclpy refuses; the program that made them does not use rclpy."""
+    with contextlib.ExitStack() as stack:
+        while True:
+            for seen in survey.actions().values():
+                if not seen.servers or (least is not None and seen.name not in by_name):
+                    continue
+                if seen.name not in by_name:
+                    by_name[seen.name] = Cancelling(seen.name)
+                    actions.append(by_name[seen.name])
+                action = by_name[seen.name]
+                if seen.name not in cancellers and seen.name not in broken:
+                    put = _putter(inbox, action)
+                    try:
+                        names = survey.names(seen.name)
+                        reader = StatusReader(
+                            names, on_goals=put, on_servers=put, place=survey.place
+                        )
+                        stack.callback(reader.close)
+                        cancellers[seen.name] = GoalCanceller(names, put, survey.place)
+                        stack.callback(cancellers[seen.name].close)
+                    except Exception as error:  # noqa: BLE001  cancel those of the other actions
+                        broken.add(seen.name)
+                        on_error(seen.name, error)
+                action.seen([end.node for end in seen.servers])
+            for action, news in arrived(inbox, _TICK):
+                if isinstance(news, AllSaid):
+                    action.take_all(news, time.monotonic())
+                elif isinstance(news, CancelSaid):
+                    action.take(news, time.monotonic())
+                else:
+                    action.take_news(news, time.time())
+            now = time.monotonic()
+            if complete is None and all(action.has_server for action in actions):
+                complete = now
+            if least is None or complete is None:
+                looked = now - began >= look
+            else:
+                looked = now - complete >= least
+            if looked and last is None:
+                last = now + _ANSWER * any(action.every for action in actions)
+                for action in actions:
+                    action.once_more()
+            for name, canceller in cancellers.items():
+                action = by_name[name]
+                if (number := action.to_ask(now)) is not None:
+                    canceller.cancel_all(number, until=accepted_until)
+                for goal_id in action.to_ask_singly(now):
+                    canceller.cancel(goal_id)
+                for fate in action.settle(now, over=False):
+                    canceller.stop(fate.goal_id)
+                    on_fate(fate)
+            done = all(by_name[name].done for name in cancellers)
+            if last is not None and (done or (over(now) and now >= last)):
+                break
+    for name in survey.actions() if least is None else ():
+        if name not in by_name and survey.may_hide_goals(name):
+            actions.append(Cancelling(name))
+
+
+def _putter(inbox: queue.SimpleQueue[Any], action: Cancelling) -> Callable[[Any], None]:
+    return lambda news: inbox.put((action, news))

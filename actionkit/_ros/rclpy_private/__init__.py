@@ -1,0 +1,1 @@
+"""Private parts of rclpy, and what depends on its release."""

@@ -1,0 +1,1 @@
+"""What a tool tells the model: results, progress, messages and images."""

@@ -1,0 +1,1 @@
+"""What a model may send as a goal: limits, checks and their texts."""

@@ -1,0 +1,1 @@
+"""Calls of tools: goals, latest messages of topics, and a human's stop."""

@@ -1,0 +1,1 @@
+"""What the reference servers do with their goals."""
