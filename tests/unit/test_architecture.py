@@ -51,6 +51,36 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "__main__": {"cli"},
 }
+#: The same for the rooms of `_calls` and `_ros`; "" is what stands in no room.
+ROOMS_MAY_IMPORT: dict[str, dict[str, set[str]]] = {
+    "_calls": {
+        "errors": set(),
+        "ledger": set(),
+        "on_signal": set(),
+        "retries": set(),
+        "waiting": {"on_signal"},
+        "futures": {"errors", "on_signal", "waiting"},
+        "sending": {"errors", "futures", "ledger", "on_signal", "retries", "waiting"},
+        "at_exit": {"futures", "ledger", "on_signal", "sending"},
+        "": {"at_exit", "sending"},
+    },
+    "_ros": {
+        "rclpy_private": set(),
+        "endpoints": {"rclpy_private"},
+        "workarounds": {"endpoints", "rclpy_private"},
+        "communication": {"endpoints", "rclpy_private", "workarounds"},
+        "answers": {"communication", "endpoints", "rclpy_private"},
+        "holds": {"communication", "rclpy_private"},
+        "others_goals": {"answers", "communication", "endpoints", "holds", "rclpy_private"},
+        "servers": {"answers", "communication", "endpoints", "rclpy_private"},
+        "cancelling": {"answers", "communication", "endpoints", "others_goals", "rclpy_private"},
+        "sending": {
+            *("answers", "cancelling", "communication", "endpoints", "rclpy_private", "servers")
+        },
+        "tools": {"communication", "rclpy_private", "sending"},
+        "": set(),
+    },
+}
 APART = ("_interfaces", "agents", "cli", "servers", "testing", "__main__")
 """Programs and servers of their own, built on the library or beside it."""
 PURE = (
@@ -150,6 +180,36 @@ def test_imports_between_packages_run_one_way() -> None:
         if package_of(other) not in MAY_IMPORT[package_of(name)] | {package_of(name)}
     ]
     assert wrong == []
+
+
+def room_of(name: str) -> str:
+    """Return the folder of a module below its package; "" if it stands in none."""
+    return (*modules()[name].relative_to(ROOT).parent.parts[1:], "")[0]
+
+
+@pytest.mark.parametrize("package", ROOMS_MAY_IMPORT)
+def test_imports_between_rooms_run_one_way(package: str) -> None:
+    may_import = ROOMS_MAY_IMPORT[package]
+    inside = {name for name in modules() if package_of(name) == package}
+    assert {room_of(name) for name in inside} == set(may_import)
+    # Imports for the type checker and inside functions count here, too.
+    wrong = [
+        f"{name} imports {other}"
+        for name in inside
+        for other in own_imports(name, runtime=False) & inside
+        if room_of(other) not in may_import[room_of(name)] | {room_of(name)}
+    ]
+    assert wrong == []
+    left = dict(may_import)
+    while free := [room for room, needed in left.items() if not needed & set(left)]:
+        for room in free:
+            del left[room]
+    assert left == {}, "a circle"
+
+
+def test_no_folder_has_many_files() -> None:
+    folders = {path.parent for path in modules().values()}
+    assert [each for each in folders if len(list(each.glob("*.py"))) > 16] == []
 
 
 def test_a_family_of_commands_uses_what_all_share_and_few_others() -> None:
