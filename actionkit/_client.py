@@ -113,14 +113,18 @@ class Client(Generic[ActionT_co]):
         if on_close not in ("cancel", "abandon"):
             raise ValueError(f"on_close={on_close!r} must be 'cancel' or 'abandon'")
         written = ledger_of(ledger)
-        port, session = transport()
+        connection, session = transport()
         self._timeouts = timeouts
         self._with_deadline = replace(timeouts, result=None)
         self._retry = retry
         self._classify = classify
         self._budget = RetryBudget() if retry_budget is None else retry_budget
         self._session: Session = session.Session(
-            port.Port(action_type, action_name, node), on_close, timeouts.cancel, checked, written
+            connection.Connection(action_type, action_name, node),
+            on_close,
+            timeouts.cancel,
+            checked,
+            written,
         )
         self._action_type: Any = action_type  # pyright knows no properties of a class object
         self._pool = self._session.callbacks

@@ -85,7 +85,7 @@ def type_of(client: Client[Any]) -> Any:
 
 def status_topic(client: Client[Any]) -> str:
     """Return the full name of the status topic of a client's action."""
-    return client._session.port.names.status
+    return client._session.connection.names.status
 
 
 def prepare_call(

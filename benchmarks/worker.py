@@ -128,7 +128,7 @@ class Worker:
         gc.collect()
         tables: dict[str, int] = {}
         if hasattr(self.client, "client") and hasattr(self.client.client, "pending"):
-            tables = self.client.client._session.port.table_sizes()
+            tables = self.client.client._session.connection.table_sizes()
         return {
             "memory": resident(os.getpid()),
             "objects": len(gc.get_objects()),

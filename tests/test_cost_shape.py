@@ -18,7 +18,7 @@ from test_msgs.action import Fibonacci
 from actionkit import Client, Timeouts
 from actionkit._ros.endpoints.entities import Entities
 from actionkit._ros.rclpy_private.wait_set import MessageSource, Waiter
-from actionkit._ros.sending.port import Port
+from actionkit._ros.sending.connection import Connection
 from tests.conftest import NEVER
 from tests.waiting import until
 
@@ -42,16 +42,16 @@ def count(monkeypatch: pytest.MonkeyPatch) -> Callable[[type, str], Counter[Any]
 
 
 def link_of(client: Client) -> Any:
-    return client._session.port.link
+    return client._session.connection.link
 
 
 def node_of(client: Client) -> Any:
-    return client._session.port.runtime.node
+    return client._session.connection.runtime.node
 
 
 def wakeups(client: Client) -> int:
     """Return how often the communication thread has been woken."""
-    thread = client._session.port.runtime._thread
+    thread = client._session.connection.runtime._thread
     text = Path(f"/proc/self/task/{thread.native_id}/status").read_text()
     found = re.search(r"^voluntary_ctxt_switches:\t(\d+)$", text, re.MULTILINE)
     assert found
@@ -97,7 +97,7 @@ def test_nothing_is_left_of_calls_that_are_over(action_server, make_client):
     more_objects, more_threads = call(200)
     assert more_objects - objects < 100  # of 200 calls
     assert more_threads == threads
-    sizes = client._session.port.table_sizes()
+    sizes = client._session.connection.table_sizes()
     assert sizes.pop("timers") <= 1
     assert set(sizes.values()) == {0}
 
@@ -202,8 +202,8 @@ def test_status_is_subscribed_to_only_while_a_goal_lasts(action_server, make_cli
     server.release()
     future.result(20)
     assert sum(made.values()) == 1
-    port = client._session.port
-    assert port.runtime.run(lambda: len(list(node_of(client).subscriptions))) == 1
+    connection = client._session.connection
+    assert connection.runtime.run(lambda: len(list(node_of(client).subscriptions))) == 1
 
 
 # --- what must not be done -------------------------------------------------------------------
@@ -211,12 +211,12 @@ def test_status_is_subscribed_to_only_while_a_goal_lasts(action_server, make_cli
 
 def test_nobody_elses_feedback_is_decoded(action_server, make_client, count):
     action_server("fibonacci")
-    decoded = count(Port, "decode_feedback")
+    decoded = count(Connection, "decode_feedback")
     ours, theirs = make_client(), make_client()
     ours.call({"order": 3}, 20)
     theirs.call({"order": 40}, 20, on_feedback=lambda _: None)
-    assert decoded[ours._session.port] == 0  # not even its own: nobody has asked for it
-    assert decoded[theirs._session.port] > 0
+    assert decoded[ours._session.connection] == 0  # not even its own: nobody has asked for it
+    assert decoded[theirs._session.connection] > 0
 
 
 def test_status_is_read_ten_times_a_second_at_most(action_server, make_client, count):

@@ -54,7 +54,7 @@ def test_a_closed_client_that_keeps_its_node_for_a_moment_is_in_no_domain(
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     client = Client(Fibonacci, "fibonacci")
-    runtime = client._session.port.runtime
+    runtime = client._session.connection.runtime
     with pytest.raises(RuntimeError, match=f"up in domain {domain} "), isolated_domain():
         pass
     runtime.run(lambda: runtime.keep_until(time.monotonic() + 60))

@@ -41,9 +41,9 @@ def cancel_everything(session: Session, timeout: float) -> dict[uuid.UUID, Cance
     goals = session.goals_in_flight()
     session.cancel_again(tuple(goal.goal_id for goal in goals))
     action = Cancelling(session.action_name)
-    runtime = session.port.runtime
+    runtime = session.connection.runtime
     least = max(FIRST, runtime.in_graph_since + DISCOVERY - now)
-    with Survey(runtime.place, only=session.port.names) as survey:
+    with Survey(runtime.place, only=session.connection.names) as survey:
         cancel_goals(
             survey,
             [action],

@@ -9,7 +9,7 @@ from actionkit._model.missing import cannot_import
 
 
 def transport() -> tuple[Any, Any]:
-    """Return the modules `_ros.sending.port` and `_calls.sending.session`, ready for use.
+    """Return the modules `_ros.sending.connection` and `_calls.sending.session`, ready for use.
 
     Raises:
         ImportError: rclpy is not importable.
@@ -19,11 +19,11 @@ def transport() -> tuple[Any, Any]:
     try:
         from actionkit._calls.at_exit import exit as _exit
         from actionkit._calls.sending import session as _session
-        from actionkit._ros.sending import port
+        from actionkit._ros.sending import connection
     except ImportError as error:
         raise ImportError(f"ActionKit needs rclpy. {cannot_import('rclpy', error)}") from error
     _exit.arm()
-    return port, _session
+    return connection, _session
 
 
 _PATCHES = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from actionkit._goal import effects as fx
 from actionkit._goal.record import GoalRecord
 from actionkit._goal.stages import (
-    DOUBT,
+    CONFIRMED_AFTER,
     END_AFTER,
     FINAL,
     FIRST_REASK,
@@ -129,9 +129,9 @@ class CancellableGoal(GoalRecord):
         if self._cancel_reply is CancelReply.NONE:
             self._cancel_reply = CancelReply.REFUSED_ONCE
             self._refused_at = now
-            self._reask_after = DOUBT  # then `_reask` asks once more (R12)
+            self._reask_after = CONFIRMED_AFTER  # then `_reask` asks once more (R12)
             return [fx.WatchStatus(), self._arm_reask(now)]
-        if asked_at < self._refused_at + DOUBT:
+        if asked_at < self._refused_at + CONFIRMED_AFTER:
             return []  # on a slow network, such answers may arrive for seconds
         self._cancel_reply = CancelReply.REFUSED
         return self._believe_refusal(now)
@@ -171,8 +171,8 @@ class CancellableGoal(GoalRecord):
         answered = self._unknown_to_server  # the server has answered: waiting longer is useless
         if later > now and not answered:
             return [fx.Arm(fx.Timer.CANCEL, later)]
-        if self._held is not None:
-            return self._settle_held()
+        if self._waiting_end is not None:
+            return self._settle_waiting_end()
         effects: list[fx.Effect] = []
         if self._cancel_reply in (CancelReply.REFUSED_ONCE, CancelReply.REFUSED):
             effects = self._believe_refusal(now)

@@ -28,10 +28,10 @@ class GoalFacts:
     over: bool = False  # each server that may have got it is known not to run it
     given_up: bool = False  # its caller gave up on it before it was over for the caller
     lost: bool = False  # its server seems to be gone, which may be a guess
-    gone: bool = False  # each server that may run it has left the graph, which is a fact
+    servers_gone: bool = False  # each server that may run it has left the graph, which is a fact
     left: bool = False  # nobody tracks it any more
     refused: bool = False  # the server refused the last cancel request
-    told: bool = False  # the user was told that it may run
+    user_knows: bool = False  # the user was told that it may run
     others_cancel: bool = False  # it was CANCELING before we had asked for that (C4.4)
     attached: bool = False  # somebody else has sent it, so no server answers us whether it accepts
 
@@ -62,7 +62,7 @@ class GoalFacts:
         A server that is only silent, or only seems to have been replaced, may go on with it. So
         this, and not `lost`, decides whether another goal may be sent.
         """
-        return self.lost and self.gone and not self.left
+        return self.lost and self.servers_gone and not self.left
 
     def blocks_another(self, *, unless_gone: bool = False, unless_unseen: bool = False) -> bool:
         """Whether no other goal may be sent now (C4.2). Nothing else decides that.

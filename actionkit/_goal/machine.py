@@ -15,7 +15,7 @@ from actionkit._goal import effects as fx
 from actionkit._goal.cancelling import CancellableGoal
 from actionkit._goal.facts import GoalFacts
 from actionkit._goal.stages import (
-    DOUBT,
+    CONFIRMED_AFTER,
     END_AFTER,
     FINAL,
     FIRST_REASK,
@@ -66,10 +66,10 @@ class Goal(CancellableGoal):
         What is known about the goal stays, and only what the new call wants counts. But it is
         still cancelled if there is nothing to follow: then the new call ends at once.
         """
-        self.settled = self._left_alone = self.facts.told = self.facts.left = False
-        self.cancel_reason = self._final_reason = self._refused_reason = self._held = None
+        self.settled = self._left_alone = self.facts.user_knows = self.facts.left = False
+        self.cancel_reason = self._final_reason = self._refused_reason = self._waiting_end = None
         self._timeouts, self._latest = timeouts, math.inf
-        if self.stage is Stage.ELSEWHERE:
+        if self.stage is Stage.ANOTHER_MAY_RUN:
             why = "one server has ended it, and another one is asked to cancel it"
             return self._settle(fx.End.RESULT_LOST, lost_because=why)
         if self.facts.lost:
@@ -99,7 +99,7 @@ class Goal(CancellableGoal):
             return self._ask_about_lost(now)
         # It is a new server on the name, or the same one after a restart. If it does not know the
         # goal, it will say so (R1).
-        if self.stage not in (Stage.ACCEPTED, Stage.ELSEWHERE):
+        if self.stage not in (Stage.ACCEPTED, Stage.ANOTHER_MAY_RUN):
             return []
         if self.facts.servers == 1 or not self.unwanted:
             return [fx.AskResult()]
@@ -110,7 +110,7 @@ class Goal(CancellableGoal):
         if self.stage is not Stage.LOST:
             return self.server_ready(now)
         if self.facts.ended or self.facts.rejected:
-            self.stage = Stage.ELSEWHERE
+            self.stage = Stage.ANOTHER_MAY_RUN
         elif not self.facts.accepted:
             # It may still accept the goal (R6): if it does not know the goal yet, that is normal.
             self.stage = Stage.SENT
@@ -152,8 +152,10 @@ class Goal(CancellableGoal):
         if facts.ended and not facts.runs_seen:
             self.stage = Stage.OVER  # the acceptance of the server that has ended it came late
             return self._release()
-        facts.over = facts.lost = facts.gone = facts.left = facts.told = facts.refused = False
-        self.stage, self.cancelled_at, self._shown_at = Stage.ELSEWHERE, now, now
+        facts.over = facts.lost = facts.servers_gone = facts.left = facts.user_knows = (
+            facts.refused
+        ) = False
+        self.stage, self.cancelled_at, self._shown_at = Stage.ANOTHER_MAY_RUN, now, now
         return [fx.AskCancel(), fx.AskResult(anew=True), self._arm_reask(now)]
 
     def _shown(self, now: float) -> list[fx.Effect]:
@@ -165,7 +167,7 @@ class Goal(CancellableGoal):
         if self.stage is Stage.SENT:
             effects.append(self._enter(GoalState.ACCEPTED))
         elsewhere = self.facts.ended or self.facts.rejected  # by another server, before it was lost
-        self.stage = Stage.ELSEWHERE if elsewhere else Stage.ACCEPTED
+        self.stage = Stage.ANOTHER_MAY_RUN if elsewhere else Stage.ACCEPTED
         # Ask at once: a result may expire within milliseconds after the end (R25).
         effects.append(fx.AskResult(anew=True))
         self._reask_after = FIRST_REASK
@@ -184,7 +186,7 @@ class Goal(CancellableGoal):
         lost = self.stage is Stage.LOST and not facts.accepted
         if self.stage is not Stage.SENT and not lost:
             facts.noes += facts.servers > 1  # then this is not the server that has the goal
-            return self._look_elsewhere(now) if self.stage is Stage.ELSEWHERE else []
+            return self._look_elsewhere(now) if self.stage is Stage.ANOTHER_MAY_RUN else []
         facts.noes += 1
         if not facts.is_over:
             if lost:
@@ -270,11 +272,13 @@ class Goal(CancellableGoal):
             return []
         facts = self.facts
         # A server that is just accepting the goal answers as if it did not know it (R12).
-        everybody = everybody and (facts.servers == 1 or asked_at >= self._shown_at + DOUBT)
+        everybody = everybody and (
+            facts.servers == 1 or asked_at >= self._shown_at + CONFIRMED_AFTER
+        )
         unseen = everybody and answers < facts.servers - facts.away
         if everybody:
             self._one_unseen, everybody = unseen, not unseen
-        self._denied_lately |= unseen and self.stage is Stage.ELSEWHERE
+        self._denied_lately |= unseen and self.stage is Stage.ANOTHER_MAY_RUN
         if status is None and unseen:
             # All others do not have it. They are asked again: this one may yet come into sight.
             self._forgotten_at = self._forgotten_at or now
@@ -283,15 +287,17 @@ class Goal(CancellableGoal):
         if status is None:
             return self._unknown(now, asked_at, own=own, everybody=everybody)
         effects = [] if self.stage is Stage.LOST else self._proven(now)
-        elsewhere = self.stage is Stage.ELSEWHERE or (self.stage is Stage.LOST and facts.ended)
+        elsewhere = self.stage is Stage.ANOTHER_MAY_RUN or (
+            self.stage is Stage.LOST and facts.ended
+        )
         facts.accepted = facts.ended = True
         facts.ends = max(facts.ends, ends)
         facts.over = self._stopped_everywhere(everybody=everybody)
         better = status is GoalState.SUCCEEDED is not self._terminal_seen
-        if elsewhere and not (self._held and better):
+        if elsewhere and not (self._waiting_end and better):
             late = [fx.LateResult(status, result)] if self.settled else []
             return [*late, *self._look_elsewhere(now, everybody=everybody)]
-        self._held = None
+        self._waiting_end = None
         self._terminal_seen = status
         effects.append(self._enter(status))
         end, kept = _ENDS.get(status, fx.End.CANCELED_BY_OTHER), result
@@ -318,7 +324,7 @@ class Goal(CancellableGoal):
         if facts.servers > 1 and not (everybody and own):
             lost = everybody and facts.lost
             return self._unknown_to_another() if lost else []  # otherwise another one may run it
-        if self.stage is Stage.ELSEWHERE:
+        if self.stage is Stage.ANOTHER_MAY_RUN:
             return self._look_elsewhere(now, everybody=True)
         if facts.servers > 1 and facts.away:
             # One of the servers that may run it has left, and those in sight do not run it.
@@ -339,10 +345,11 @@ class Goal(CancellableGoal):
     def servers_changed(self, servers: int, away: int) -> list[fx.Effect]:
         """Another server may have got the goal, too, or one left the graph or came back."""
         facts, more = self.facts, away > self.facts.away
-        stays = facts.gone and away >= facts.away  # those that are there do not have it: `_gone`
+        # Those that are there do not have it, see `_gone`.
+        stays = facts.servers_gone and away >= facts.away
         facts.servers, facts.away = max(1, servers, facts.yeses), away
-        facts.gone = stays or away >= facts.servers
-        if more and facts.servers > 1 and self.stage in (Stage.ACCEPTED, Stage.ELSEWHERE):
+        facts.servers_gone = stays or away >= facts.servers
+        if more and facts.servers > 1 and self.stage in (Stage.ACCEPTED, Stage.ANOTHER_MAY_RUN):
             return [fx.AskResult(anew=True)]
         return []
 
@@ -367,14 +374,14 @@ class Goal(CancellableGoal):
             return self._over()
         if not facts.may_run:
             self.stage = Stage.OVER
-            return [*self._settle_held(), *self._release()]
+            return [*self._settle_waiting_end(), *self._release()]
         if everybody and facts.away and not facts.undecided:
             return self._gone(now)
         return []
 
     def _gone(self, now: float) -> list[fx.Effect]:
         """One of several servers has left, and may run the goal; those in sight do not."""
-        self.facts.gone = True
+        self.facts.servers_gone = True
         return self.server_lost(_ONE_IS_GONE, now)
 
     def _one_is_gone(self, now: float) -> list[fx.Effect]:
@@ -396,9 +403,9 @@ class Goal(CancellableGoal):
         """
         if self._forgotten_at is None:
             self._forgotten_at = now
-            self._reask_after = DOUBT
+            self._reask_after = CONFIRMED_AFTER
             return [self._arm_reask(now)]
-        if asked_at < self._forgotten_at + DOUBT:
+        if asked_at < self._forgotten_at + CONFIRMED_AFTER:
             return []  # on a slow network, such answers may arrive for seconds
         if self.stage is Stage.SENT:
             return self._nobody_knows(now)
@@ -434,7 +441,7 @@ class Goal(CancellableGoal):
             forgets = own and self._terminal_seen is None
             return [fx.AskResult(), *(self._forgotten(now, asked_at) if forgets else [])]
         effects = self._proven(now)
-        if self.stage is Stage.ELSEWHERE:
+        if self.stage is Stage.ANOTHER_MAY_RUN:
             self.facts.refused = answer is CancelAnswer.REFUSED
             return [*effects, fx.AskResult()]
         if answer is CancelAnswer.REFUSED:
@@ -466,9 +473,9 @@ class Goal(CancellableGoal):
 
     def server_lost(self, reason: str, now: float) -> list[fx.Effect]:
         """The server that had the goal is gone, or another one has replaced it."""
-        if self.stage is Stage.ELSEWHERE:
+        if self.stage is Stage.ANOTHER_MAY_RUN:
             self.stage, self.facts.lost = Stage.LOST, True
-            return [fx.Disarm(fx.Timer.REASK), *self._settle_held()]
+            return [fx.Disarm(fx.Timer.REASK), *self._settle_waiting_end()]
         if self.stage not in (Stage.SENT, Stage.ACCEPTED):
             self.facts.lost |= self.stage is Stage.LOST  # it came back and left again
             return []
@@ -508,7 +515,7 @@ class Goal(CancellableGoal):
         """Repeat requests that may have been lost in a queue, or their answers (R3, R4)."""
         if not self.in_flight:
             return []
-        if self.stage is Stage.ELSEWHERE:
+        if self.stage is Stage.ANOTHER_MAY_RUN:
             return self._reask_elsewhere(now)
         ended = self.awaits_result_of is not None
         if ended and self.settled and self._reask_after >= LAST_RESULT_PAUSE:

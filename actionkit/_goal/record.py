@@ -57,17 +57,17 @@ class GoalRecord:
         self._asked_all_at = -math.inf  # when all servers were last asked again to cancel it
         self._one_unseen = False  # one that may have it is not in sight, and was not seen to leave
         # How it ends for its caller, after other servers have stopped it, too.
-        self._held: tuple[fx.End, Any, str] | None = None
+        self._waiting_end: tuple[fx.End, Any, str] | None = None
 
     @property
     def in_flight(self) -> bool:
         """Whether the server may be running the goal."""
-        return self._unproven or self.stage in (Stage.ACCEPTED, Stage.ELSEWHERE)
+        return self._unproven or self.stage in (Stage.ACCEPTED, Stage.ANOTHER_MAY_RUN)
 
     @property
     def may_run(self) -> bool:
         """Whether a server in sight may be running it, and has not denied that."""
-        if self.stage is Stage.ELSEWHERE:
+        if self.stage is Stage.ANOTHER_MAY_RUN:
             return True
         denied = self.stage is Stage.SENT and self._unknown_to_server
         ended = self._terminal_seen is not None  # then only its result is missing
@@ -150,21 +150,21 @@ class GoalRecord:
                 self.lose_touch()
             self.stage = Stage.OVER
             return [*self._settle(end, result=result, lost_because=lost_because), *self._release()]
-        self.stage, self.facts.lost = Stage.ELSEWHERE, False
+        self.stage, self.facts.lost = Stage.ANOTHER_MAY_RUN, False
         effects: list[fx.Effect] = []
         if self.cancel_reason is None:
             effects = self._settle(end, result=result, lost_because=lost_because)
         elif not self.settled:
-            self._held = end, result, lost_because
+            self._waiting_end = end, result, lost_because
         self._reask_after = FIRST_REASK
         effects = [fx.Disarm(fx.Timer.STALL), *effects, fx.AskCancel(), fx.AskResult(anew=True)]
         return [*effects, self._arm_reask(now)]
 
-    def _settle_held(self) -> list[fx.Effect]:
+    def _settle_waiting_end(self) -> list[fx.Effect]:
         """Give the caller the ending that was held back, even if other servers may run the goal."""
-        if self._held is None:
+        if self._waiting_end is None:
             return []
-        end, result, lost_because = self._held
+        end, result, lost_because = self._waiting_end
         if end is fx.End.REJECTED and not self.facts.is_over:
             end = fx.End.NO_ACCEPTANCE
         return self._settle(end, result=result, lost_because=lost_because)
@@ -209,7 +209,7 @@ class GoalRecord:
     @property
     def _news(self) -> fx.LastNews:
         over = self.stage is Stage.OVER and not self.facts.left
-        if (over or self.stage is Stage.ELSEWHERE) and not self.facts.is_over:
+        if (over or self.stage is Stage.ANOTHER_MAY_RUN) and not self.facts.is_over:
             return fx.LastNews.NOTHING  # another server on the name may still run it
         if self.stage is Stage.LOST:
             return fx.LastNews.SERVER_GONE  # also if another server has ended it
@@ -220,7 +220,7 @@ class GoalRecord:
     def _over(self) -> list[fx.Effect]:
         self.stage = Stage.OVER
         self.facts.ended = self.facts.over = True
-        return [*self._settle_held(), *self._release()]
+        return [*self._settle_waiting_end(), *self._release()]
 
     def _release(self) -> list[fx.Effect]:
         return [fx.Release()]

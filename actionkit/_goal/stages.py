@@ -24,7 +24,7 @@ then, 14 minutes have passed since the caller left, and a live server has read a
 LAST_RESULT_PAUSE = 4.0
 """Pause, in seconds, after which nobody requests the result of a goal that has ended if its caller
 has left. By then it was requested at least three times."""
-DOUBT = 0.3
+CONFIRMED_AFTER = 0.3
 """Seconds until a server is asked again if it refused to cancel a goal, or does not know a goal
 that it has accepted. rclpy's servers answer both also for a goal that they are just accepting, and
 they refuse also if it has just ended (R12). Then the second answer, or the result, shows that; a
@@ -36,7 +36,7 @@ class Stage(Enum):
 
     SENT = auto()
     ACCEPTED = auto()
-    ELSEWHERE = auto()
+    ANOTHER_MAY_RUN = auto()
     """It is over on one server, but another one on the name may run it: it is cancelled there."""
     LOST = auto()
     """The server is out of sight, and the goal may still run there; or it is back, which clears

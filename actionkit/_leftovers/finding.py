@@ -94,9 +94,9 @@ def _known(client: Client[Any], until: float) -> dict[uuid.UUID, WatchedGoal]:
     Raises:
         ClientClosedError: The client was closed, or its context was shut down.
     """
-    port = client._session.port
+    connection = client._session.connection
     try:
-        seen = goals_seen(port.runtime.place, port.names.status, lambda: False, until)
+        seen = goals_seen(connection.runtime.place, connection.names.status, lambda: False, until)
     except (StoppedError, RCLError):
         client._session.check()
         raise

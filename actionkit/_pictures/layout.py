@@ -14,7 +14,7 @@ from actionkit._model.values import GoalEvent, GoalState, Timeline
 from actionkit._observers.json_schema import LoggedLine
 
 
-class Phase(Enum):
+class Activity(Enum):
     """What a goal is doing between two events; the value is for the legend."""
 
     SERVER = "waiting for a server or its turn"
@@ -40,13 +40,13 @@ class Sign(Enum):
 
 
 _PHASES = {
-    GoalState.SENDING: Phase.SERVER,
-    GoalState.SENT: Phase.ACCEPT,
-    GoalState.ACCEPTED: Phase.ACCEPTED,
-    GoalState.EXECUTING: Phase.EXECUTING,
-    GoalState.CANCELING: Phase.CANCELING,
-    GoalState.TIMED_OUT: Phase.CANCELING,
-    GoalState.RETRYING: Phase.PAUSE,
+    GoalState.SENDING: Activity.SERVER,
+    GoalState.SENT: Activity.ACCEPT,
+    GoalState.ACCEPTED: Activity.ACCEPTED,
+    GoalState.EXECUTING: Activity.EXECUTING,
+    GoalState.CANCELING: Activity.CANCELING,
+    GoalState.TIMED_OUT: Activity.CANCELING,
+    GoalState.RETRYING: Activity.PAUSE,
 }
 _SIGNS = {
     GoalState.SUCCEEDED: Sign.SUCCEEDED,
@@ -57,14 +57,14 @@ _SIGNS = {
     GoalState.TIMED_OUT: Sign.TIMED_OUT,
     GoalState.REPLACED: Sign.REPLACED,
 }
-_NEVER_SENT = {Phase.SERVER, Phase.PAUSE, None}
+_NEVER_SENT = {Activity.SERVER, Activity.PAUSE, None}
 
 
 @dataclass(frozen=True)
 class Bar:
     """A phase from one moment to another."""
 
-    phase: Phase
+    phase: Activity
     start: float
     end: float
 

@@ -12,7 +12,7 @@ from xml.sax.saxutils import escape
 
 from actionkit._model.values import date_text
 from actionkit._observers.json_schema import LoggedLine
-from actionkit._pictures.layout import Bar, Lane, Phase, Picture, Row, Sign, lay_out
+from actionkit._pictures.layout import Activity, Bar, Lane, Picture, Row, Sign, lay_out
 from actionkit._pictures.names import shortened
 from actionkit._pictures.scale import axis_for
 
@@ -35,12 +35,12 @@ _LABELLED = 12.0
 """Lanes that are at least as high as the letters have a text each."""
 
 _FILL = {
-    Phase.SERVER: "#c8c8c8",
-    Phase.ACCEPT: "#f0e442",
-    Phase.ACCEPTED: "#56b4e9",
-    Phase.EXECUTING: "#0072b2",
-    Phase.CANCELING: "#e69f00",
-    Phase.PAUSE: "#777777",
+    Activity.SERVER: "#c8c8c8",
+    Activity.ACCEPT: "#f0e442",
+    Activity.ACCEPTED: "#56b4e9",
+    Activity.EXECUTING: "#0072b2",
+    Activity.CANCELING: "#e69f00",
+    Activity.PAUSE: "#777777",
 }
 _SIGN_FILL = {
     Sign.SUCCEEDED: "#009e73",
@@ -150,8 +150,8 @@ class _Drawing:
         signs = {sign for lane in lanes for sign, _ in lane.marks}
         self._put('<g class="legend">')
         x = 16.0
-        for phase in (phase for phase in Phase if phase in phases):
-            if phase is Phase.PAUSE:
+        for phase in (phase for phase in Activity if phase in phases):
+            if phase is Activity.PAUSE:
                 self._put(f'<path class="pause" d="M{x:.1f} 66h22"/>')
             else:
                 fill = _FILL[phase]
@@ -159,7 +159,8 @@ class _Drawing:
             x = self._legend_text(x + 28, 70, phase.value)
         if any(lane.feedback for lane in lanes):
             self._put(
-                f'<rect x="{x:.1f}" y="60" width="22" height="12" fill="{_FILL[Phase.EXECUTING]}"/>'
+                f'<rect x="{x:.1f}" y="60" width="22" height="12" '
+                f'fill="{_FILL[Activity.EXECUTING]}"/>'
                 f'<path class="feedback" d="M{x + 5:.1f} 60v12m6 -12v12m6 -12v12"/>'
             )
             self._legend_text(x + 28, 70, "feedback")
@@ -265,7 +266,7 @@ class _Drawing:
 
     def _bar(self, bar: Bar, top: float, height: float) -> str:
         x, end = self._x(bar.start), self._x(bar.end)
-        if bar.phase is Phase.PAUSE:
+        if bar.phase is Activity.PAUSE:
             return f'<path class="pause" d="M{x:.1f} {top + height / 2:.1f}H{end:.1f}"/>'
         return (
             f'<rect class="{bar.phase.name.lower()}" x="{x:.2f}" y="{top:.2f}"'

@@ -47,7 +47,7 @@ class NoAnswer:
     asked: bool = True  # whether it was called
 
 
-class Clock(Protocol):
+class Scheduler(Protocol):
     """The part of the communication thread that is needed here."""
 
     def call_soon(self, callback: Callable[[], None]) -> None: ...
@@ -58,7 +58,7 @@ class Clock(Protocol):
 class FunctionRunner:
     """Runs the functions of one call, one at a time. On the communication thread only."""
 
-    def __init__(self, clock: Clock, pool: Pool) -> None:
+    def __init__(self, clock: Scheduler, pool: Pool) -> None:
         self._clock = clock
         self._pool = pool
         self._job: Job | None = None
@@ -136,7 +136,7 @@ class FunctionRunner:
             self._limit = None
 
 
-def name_of(function: object) -> str:
+def short_name_of(function: object) -> str:
     """Return a function's name without running the user's code."""
     if isinstance(function, (FunctionType, MethodType, BuiltinFunctionType)):
         return function.__qualname__

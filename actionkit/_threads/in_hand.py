@@ -40,10 +40,10 @@ class Label(NamedTuple):
     holds_up: str  # what waits until it returns
 
     def __str__(self) -> str:
-        return self.kind if self.function is None else f"{self.kind} {name_of(self.function)}"
+        return self.kind if self.function is None else f"{self.kind} {full_name_of(self.function)}"
 
 
-def name_of(function: Any) -> str:
+def full_name_of(function: Any) -> str:
     """Return a callable's name in its source. Runs no code of the user's, unlike `repr`."""
     while isinstance(function, functools.partial):
         function = function.func
@@ -69,7 +69,7 @@ def patience(cancel_grace: float) -> float:
     return max(_PATIENCE, cancel_grace)
 
 
-class InHand:
+class DueWork:
     """Work that is due or running."""
 
     __slots__ = ("_runs", "label", "named", "since", "thread", "work")
@@ -105,10 +105,10 @@ class InHand:
         return "".join(["Where it is now (most recent call last):\n", *lines]).rstrip()
 
 
-class Dues:
+class WorkOfPool:
     """The work that is due or running in one pool."""
 
-    def __init__(self, owner: str, busy: dict[Dues, None]) -> None:
+    def __init__(self, owner: str, busy: dict[WorkOfPool, None]) -> None:
         """Begin without work.
 
         `owner` is the name of the client's action, for the log. `busy` is `CALLBACKS`, or the table
@@ -120,7 +120,7 @@ class Dues:
         self._hurried = False
         self._look_at = 0.0
         """Before this monotonic time, no callback has been running for long."""
-        self._in_hand: dict[InHand, None] = {}
+        self._in_hand: dict[DueWork, None] = {}
         self._rests: deque[Callable[[], None]] = deque()
         self._finishing: list[int] = []  # the threads that are waiting in `finish`
         self.run_one: Callable[[], bool] = lambda: False
@@ -138,18 +138,18 @@ class Dues:
         work: Work | None = None,
         thread: int | None = None,
         runs: Callable[[], bool] | None = None,
-    ) -> InHand:
+    ) -> DueWork:
         """Record work that is due; `finish` waits for it until `done`.
 
         If it runs on a thread of the pool, that is `work`. If it runs on an event loop, `thread` is
         the loop's thread, and `runs` returns whether the loop is running.
         """
-        due = InHand(label, work, thread, runs)
+        due = DueWork(label, work, thread, runs)
         self._in_hand[due] = None
         self._note_busy()
         return due
 
-    def done(self, due: InHand) -> None:
+    def done(self, due: DueWork) -> None:
         """Undo `begin`."""
         self._in_hand.pop(due, None)
         if not self._in_hand:
@@ -182,7 +182,7 @@ class Dues:
                 earliest = min(earliest, since)
         self._look_at = earliest + WARN_AFTER
 
-    def _name(self, due: InHand, seconds: float) -> None:
+    def _name(self, due: DueWork, seconds: float) -> None:
         log_later(
             logging.WARNING,
             "%s of action %r was called at %s, %.0f s ago, and has not returned. Until it does, it"
@@ -232,18 +232,18 @@ class Dues:
             self._busy.pop(self, None)
             self.warn(list(self._in_hand) if at_exit else self._unfinished())
 
-    def _unfinished(self) -> list[InHand]:
+    def _unfinished(self) -> list[DueWork]:
         """Return all work, except callbacks that are closing the client themselves."""
         here, in_hand = threading.get_ident(), list(self._in_hand)
         called_back = any(due.thread == here for due in in_hand)
         closing = {here, *self._finishing} if called_back else {here}
         return [due for due in in_hand if due.thread not in closing or not due.can_go_on]
 
-    def _awaited_here(self) -> list[InHand]:
+    def _awaited_here(self) -> list[DueWork]:
         """Return the work that the calling thread can wait for."""
         return [due for due in self._unfinished() if due.can_go_on]
 
-    def warn(self, left: list[InHand]) -> None:
+    def warn(self, left: list[DueWork]) -> None:
         """Name in the log what did not finish."""
         for due in left if self._busy is CALLBACKS else []:
             began = "has not begun" if due.thread is None else "has not returned"
@@ -265,15 +265,15 @@ class _Exit:
 
 
 _exit = _Exit()
-CALLBACKS: dict[Dues, None] = {}
+CALLBACKS: dict[WorkOfPool, None] = {}
 """Pools with callbacks that are due or running, for the interpreter's exit."""
-OBSERVERS: dict[Dues, None] = {}
+OBSERVERS: dict[WorkOfPool, None] = {}
 """Pools with work for observers or the log."""
-FUNCTIONS: dict[Dues, None] = {}
+FUNCTIONS: dict[WorkOfPool, None] = {}
 """Pools with functions. Their call reports one that does not return; the exit does not wait."""
 
 
-def finish_all(until: float, busy: dict[Dues, None]) -> list[InHand]:
+def finish_all(until: float, busy: dict[WorkOfPool, None]) -> list[DueWork]:
     """At the interpreter's exit: wait for the work of all clients in `busy`; return the rest."""
     try:
         with interrupted_at(until) if busy else contextlib.nullcontext():

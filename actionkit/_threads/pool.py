@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable
 
 from actionkit._threads.diagnostics import log_own_error
-from actionkit._threads.in_hand import CALLBACKS, FUNCTIONS, Dues, InHand, Label, Work
+from actionkit._threads.in_hand import CALLBACKS, FUNCTIONS, DueWork, Label, Work, WorkOfPool
 
 MOST_THREADS = 64
 """Threads of a client for its callbacks: they need 64 stacks of some megabytes at most, and no
@@ -43,22 +43,22 @@ class Pool:
         name: str = "actionkit-callbacks",
         most: int = MOST_THREADS,
         idle: float = _IDLE_SECONDS,
-        kind: dict[Dues, None] = CALLBACKS,
+        kind: dict[WorkOfPool, None] = CALLBACKS,
     ) -> None:
         """Make a pool without threads.
 
         `owner` is the name of the client's action, for the log; `name` is that of the threads.
         `most` limits their number. A thread waits `idle` seconds for more work before it ends.
-        `kind` is the table for `Dues`.
+        `kind` is the table for `WorkOfPool`.
         """
         self._name = name
         self._most = most
         self._idle_seconds = idle
         self._warns = kind is not FUNCTIONS
-        self.dues = Dues(owner, kind)
+        self.dues = WorkOfPool(owner, kind)
         """The work that is due or running, and the end of it."""
         self.dues.run_one = self._run_one_here
-        self._waiting: queue.SimpleQueue[InHand] = queue.SimpleQueue()
+        self._waiting: queue.SimpleQueue[DueWork] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._threads = 0
         self._free = 0  # threads that wait for work, minus work that waits for a thread
@@ -78,7 +78,7 @@ class Pool:
         Return the same as `submit`.
         """
         if self.dues.ended:
-            self.dues.warn([InHand(work.label, work)])
+            self.dues.warn([DueWork(work.label, work)])
             return "its client is closed"
         self.look()
         due = self.dues.begin(work.label, work)
@@ -134,7 +134,7 @@ class Pool:
             with self._lock:
                 self._free += 1
 
-    def _next(self) -> InHand | None:
+    def _next(self) -> DueWork | None:
         """Wait for work; return `None` if the thread must end and is not counted any more."""
         while True:
             try:
@@ -147,7 +147,7 @@ class Pool:
                     self._free -= 1
                     return None
 
-    def _carry_out(self, due: InHand) -> None:
+    def _carry_out(self, due: DueWork) -> None:
         work, more = due.work, True
         assert work is not None
         due.thread = threading.get_ident()

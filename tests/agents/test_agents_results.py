@@ -32,7 +32,7 @@ from actionkit._calls.futures.call_view import GoalsOfCall
 from actionkit._goal.facts import GoalFacts
 from actionkit.agents._answers.results import goal_value
 from actionkit.agents._tool_calls.goal_call import _ask, _Refused, question_of
-from actionkit.agents._tool_calls.goals import GoalRecord, Goals
+from actionkit.agents._tool_calls.goals import Goals, ToolGoal
 
 
 def value(status: GoalState, error: BaseException, why: str, result: Any) -> dict[str, Any]:
@@ -71,11 +71,11 @@ def test_what_was_rejected_while_it_was_being_cancelled_never_ran() -> None:
     assert told["error"]["message"] == "a human stopped it"
 
 
-def record_of(status: GoalState) -> tuple[GoalRecord, uuid.UUID, uuid.UUID]:
+def record_of(status: GoalState) -> tuple[ToolGoal, uuid.UUID, uuid.UUID]:
     """Return the record of a call that lost its first goal, and its two ids."""
     first, second = uuid.uuid4(), uuid.uuid4()
     future: Any = Future(first, second, status)
-    record = GoalRecord("count")
+    record = ToolGoal("count")
     record.follow(future)
     return record, first, second
 
@@ -134,17 +134,17 @@ def test_one_counts_while_a_goal_may_run_whose_server_has_not_left(last: bool) -
     future: Any = record._future
     future.callback(future)
     other, facts = future.facts if last else future.facts[::-1]
-    other.lost = other.gone = True
+    other.lost = other.servers_gone = True
     assert record.counts
     other.ended = other.over = True
     assert record.counts
     facts.lost = True  # its server is only silent
     assert record.counts
     assert record.report()["may_still_run"]
-    facts.gone = True
+    facts.servers_gone = True
     assert not record.counts
     assert record.report()["may_still_run"]
-    facts.gone = facts.lost = False  # it is back
+    facts.servers_gone = facts.lost = False  # it is back
     assert record.counts
     facts.ended = facts.over = True
     assert not record.counts
@@ -211,7 +211,7 @@ def test_nothing_but_true_is_an_approval(answer: Any, sends: bool) -> None:
 
 def test_what_is_stopped_while_its_goal_is_handed_over_is_cancelled() -> None:
     """By another thread, as a human's stop is."""
-    record, future = GoalRecord("count"), Future(uuid.uuid4(), uuid.uuid4(), GoalState.SENDING)
+    record, future = ToolGoal("count"), Future(uuid.uuid4(), uuid.uuid4(), GoalState.SENDING)
     asked: list[str] = []
     future.cancel = lambda: asked.append("cancel")  # type: ignore[attr-defined]
     record.cancel("a human stopped it")
@@ -221,8 +221,8 @@ def test_what_is_stopped_while_its_goal_is_handed_over_is_cancelled() -> None:
 
 def test_no_goal_is_added_beyond_the_limit_of_its_action() -> None:
     goals = Goals()
-    assert [goals.add(GoalRecord(tool, "/a"), 2) for tool in "xyz"] == [True, True, False]
-    assert goals.add(GoalRecord("x", "/b"), 2)
+    assert [goals.add(ToolGoal(tool, "/a"), 2) for tool in "xyz"] == [True, True, False]
+    assert goals.add(ToolGoal("x", "/b"), 2)
     assert len(goals.latest()) == 3
 
 

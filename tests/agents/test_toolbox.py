@@ -345,7 +345,7 @@ def test_a_client_that_cannot_go_on_is_replaced(
         async with make_toolbox({"fib": FIBONACCI}) as toolbox:
             assert (await toolbox.call("fib", {"order": 1})).value["status"] == "succeeded"
             (client,) = toolbox._clients._clients.values()
-            runtime = client._session.port.runtime
+            runtime = client._session.connection.runtime
             runtime.call_soon(die)
             runtime.join(20)
             assert client.closed

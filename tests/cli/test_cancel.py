@@ -75,7 +75,7 @@ def test_what_one_of_two_servers_has_ended_may_run_on_the_other(world: World) ->
     slow = servers.start("slow_cancel", action_name=name, domain_id=world.domain, gate=1)
     there = Client(Fibonacci, name, node=Domain(world.domain), on_close="abandon")
     with slow as other, there as client:
-        readiness = client._session.port.link.readiness
+        readiness = client._session.connection.link.readiness
         until(lambda: readiness.ready and len(readiness.servers) == 2)
         future = client.call_async({"order": 900})
         goal = str(future.goal_id)

@@ -208,7 +208,7 @@ def our_names(node: Node, name: str) -> set[str] | type[Exception]:
     try:
         with Client(Fibonacci, name, node=node) as client:
             assert not [*node.clients, *node.subscriptions]  # nothing is added to the user's node
-            called = client._session.port.names
+            called = client._session.connection.names
             assert client.action_name == called.send_goal.removesuffix("/_action/send_goal")
             return {*astuple(called)} - {called.action}
     except ValueError as error:

@@ -317,4 +317,4 @@ def test_a_handler_that_raises_does_not_end_the_communication_thread(action_serv
         assert client.wait_for_server(10)
         assert "has 2 servers" in raised.wait_for(1, LONG)[0].getMessage()
         all_goes_on(client)
-        assert client._session.port.runtime.failure is None
+        assert client._session.connection.runtime.failure is None

@@ -292,7 +292,7 @@ def test_a_goal_that_is_watched_no_more_leaves_nothing_on_a_shared_thread(
     (attempt,) = session._attempts
     client.close()
     assert future.outcome(0).cancel is CancelReport.UNKNOWN
-    assert session.port.freed.wait(10)
+    assert session.connection.freed.wait(10)
     # One that is left asks over destroyed entities, and subscribes to the status again.
     assert len(attempt._timers) == 0
 

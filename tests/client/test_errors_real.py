@@ -393,9 +393,9 @@ def test_another_type_beside_ours_does_not_matter(action_server, make_client):
     client = make_client()
     assert client.wait_for_server(30)
     action_server("wrong_type")
-    port = client._session.port
+    connection = client._session.connection
     until = time.monotonic() + 30
-    while len(port.runtime.run(port.actions)["/fibonacci"]) < 2:
+    while len(connection.runtime.run(connection.actions)["/fibonacci"]) < 2:
         assert time.monotonic() < until
         NEVER.wait(0.01)
     assert client.call({"order": 1}, 30)

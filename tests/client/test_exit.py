@@ -329,7 +329,7 @@ def test_the_node_is_kept_while_the_middleware_clears_away(stopped, action_serve
     client = make_client(timeouts=timeouts, retry=RetryPolicy.none())
     future = client.call_async({"order": 1})
     server.wait_for("executing")
-    thread = client._session.port.runtime._thread
+    thread = client._session.connection.runtime._thread
     if stopped:
         server.pause()
         with pytest.raises(ServerLostError):

@@ -77,7 +77,7 @@ def test_500_goals_at_once_from_8_threads(action_server, make_client, own_thread
         places = [position[str(future.goal_id)] for future in some]
         assert places == sorted(places)
     assert client.pending == 0
-    assert leftovers(client._session.port.table_sizes()) == {}
+    assert leftovers(client._session.connection.table_sizes()) == {}
     assert own_threads().count("actionkit") == 1
     assert without_noise(capfd.readouterr().err) == ""
 
@@ -93,8 +93,8 @@ def test_very_many_calls_in_a_row_leave_nothing_behind(action_server, make_clien
         result = client.call({"order": order}, 20, on_feedback=seen.append if n % 10 == 0 else None)
         assert len(result.sequence) == order + 1
         if n in (_CALLS // 4, _CALLS - 1):
-            sizes.append(client._session.port.table_sizes())
-            assert client._session.port.runtime.timers.size < 200
+            sizes.append(client._session.connection.table_sizes())
+            assert client._session.connection.runtime.timers.size < 200
     assert [leftovers(size) for size in sizes] == [{}, {}]
     server.wait_for("succeeded", count=_CALLS)
     runs = executed(server)
@@ -187,17 +187,17 @@ def test_what_is_queued_is_sent_when_a_new_server_has_settled(action_server, mak
     client.wait_for_server(20)
     futures = [client.call_async({"order": 1}, timeout=30) for _ in range(WINDOW + 1)]
     server.wait_for("goal_received", count=WINDOW)
-    port = client._session.port
-    readiness = port.link.readiness
+    connection = client._session.connection
+    readiness = connection.link.readiness
 
     def unsettle() -> None:
         readiness.state = State.SETTLING  # as when another server has come
 
-    port.runtime.run(unsettle)
+    connection.runtime.run(unsettle)
     server.release()
     concurrent.futures.wait(futures[:-1], timeout=20)
     assert not futures[-1].done()
-    port.runtime.run(readiness._become_ready)
+    connection.runtime.run(readiness._become_ready)
     assert futures[-1].result(20)
 
 
@@ -215,10 +215,10 @@ def test_a_closed_client_is_gone_at_once(action_server, make_client):
         if name == "fibonacci":
             assert client.call({"order": 1}, timeout=20.0)
         session = client._session
-        port = session.port
-        held = (client, session, port, port.link, session.dispatcher)
+        connection = session.connection
+        held = (client, session, connection, connection.link, session.dispatcher)
         client.close()
-        assert port.freed.is_set()
+        assert connection.freed.is_set()
         return [weakref.ref(each) for each in held]
 
     policy = {"observers": [Ignorant()], "timeouts": Timeouts(liveness=5.0)}

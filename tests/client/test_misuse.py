@@ -61,7 +61,7 @@ def test_the_longest_timeouts_work(action_server, make_client):
 def test_a_timer_beyond_all_clocks_does_not_end_the_thread(at, make_client):
     """A user's `wait=` strategy may return any pause."""
     client = make_client()
-    runtime = client._session.port.runtime
+    runtime = client._session.connection.runtime
     handle = runtime.run(lambda: runtime.call_at(at, lambda: None))
     assert not client.server_is_ready()
     assert runtime.failure is None

@@ -106,7 +106,7 @@ def test_a_best_effort_server_is_told_of(ros_domain, make_client):
         server = ActionServer(node, Fibonacci, "fibonacci", lambda _: None, **profiles)
         client = make_client()
         until = time.monotonic() + 20
-        while not client._session.port.actions():
+        while not client._session.connection.actions():
             assert time.monotonic() < until
             NEVER.wait(0.01)
         with pytest.raises(ak.ServerUnavailableError) as caught:

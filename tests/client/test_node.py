@@ -18,7 +18,7 @@ from test_msgs.srv import Empty
 
 from actionkit import Client, ClientClosedError
 from actionkit._ros.communication import own_node, runtimes
-from actionkit._ros.sending import port
+from actionkit._ros.sending import connection
 from actionkit._ros.workarounds.listener_hang import stop_listening
 from actionkit.testing import EventLog
 from tests.conftest import all_is_logged, until_shutdown
@@ -142,7 +142,7 @@ def test_our_node_is_in_the_context_of_the_users(ros_domain):
         Client(Fibonacci, "fibonacci", node=two) as second,
         Client(Fibonacci, "fibonacci", node=one) as third,
     ):
-        runtimes = [client._session.port.runtime for client in (first, second, third)]
+        runtimes = [client._session.connection.runtime for client in (first, second, third)]
         assert [runtime.context for runtime in runtimes] == [one.context, two.context, one.context]
         assert runtimes[0] is runtimes[2]
         for client in (first, second, third):
@@ -160,7 +160,7 @@ def test_only_the_last_node_of_a_context_stops_listening(ros_domain, monkeypatch
     with user_node(ros_domain) as users:
         for is_last in (False, True):
             with Client(Fibonacci, "fibonacci", node=users) as client:
-                runtime = client._session.port.runtime
+                runtime = client._session.connection.runtime
                 name = runtime.node.get_name()
                 if is_last:
                     users.destroy_node()
@@ -170,7 +170,8 @@ def test_only_the_last_node_of_a_context_stops_listening(ros_domain, monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("where", "name"), [(runtimes, "acquire"), (runtimes.Runtime, "expect_more"), (port, "Link")]
+    ("where", "name"),
+    [(runtimes, "acquire"), (runtimes.Runtime, "expect_more"), (connection, "Link")],
 )
 def test_a_context_that_is_shut_down_while_a_client_is_made(
     where, name, ros_domain, monkeypatch, caplog
@@ -190,7 +191,7 @@ def test_a_context_that_is_shut_down_while_a_client_is_made(
 
 
 def test_a_context_that_is_shut_down_when_a_client_is_just_made(ros_domain, monkeypatch, caplog):
-    step = port.Link
+    step = connection.Link
     with user_node(ros_domain) as node:
 
         def before_shutdown(*args: object) -> object:
@@ -198,7 +199,7 @@ def test_a_context_that_is_shut_down_when_a_client_is_just_made(ros_domain, monk
             node.context.shutdown()
             return link
 
-        monkeypatch.setattr(port, "Link", before_shutdown)
+        monkeypatch.setattr(connection, "Link", before_shutdown)
         client = Client(Fibonacci, "fibonacci", node=node)
         with client, pytest.raises(ClientClosedError, match="context of its client's node was"):
             client.call({"order": 1})

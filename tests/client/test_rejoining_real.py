@@ -31,7 +31,7 @@ def _switched_on(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def runtime_of(client: Client[Any]) -> Runtime:
-    return client._session.port.runtime
+    return client._session.connection.runtime
 
 
 def tries(client: Client[Any]) -> int:
@@ -142,7 +142,7 @@ def test_no_second_try_once_a_server_was_seen(action_server, make_client):
     client = make_client()
     future = client.call_async({"order": 1000})
     server.wait_for("executing")
-    runtime, link = runtime_of(client), client._session.port.link
+    runtime, link = runtime_of(client), client._session.connection.link
     tried = tries(client)  # none, as a rule
     server.kill()
     # However many looks follow, and whether or not that server is still in view.
@@ -197,7 +197,7 @@ rclpy.init()
 node = rclpy.create_node("users")
 client = Client(Fibonacci, "fibonacci", node=node, timeouts=Timeouts(server=60))
 assert client.wait_for_server(60)
-runtime = client._session.port.runtime
+runtime = client._session.connection.runtime
 runtime.run(runtime.node_replacement.replace_node)
 assert runtime.is_apart
 grown_old = threading.Timer(2.0, print, ["old"], {"flush": True})

@@ -58,7 +58,7 @@ def test_a_node_that_only_publishes_feedback_is_not_a_server(
         client = make_client(retry=ONCE)
         future = client.call_async({"order": 1})
         server.wait_for("executing")
-        until(client._session.port.only_publishing)
+        until(client._session.connection.only_publishing)
         getattr(server, end)()
         began = time.monotonic()
         with pytest.raises(ak.ServerLostError):
@@ -104,7 +104,7 @@ def test_no_more_lost_goals_are_kept_than_can_be(action_server, make_client, mon
     assert all(map(is_accepted, futures))
     server.terminate()
     assert [type(future.exception(30)) for future in futures] == [ak.ServerLostError] * 6
-    assert client._session.port.table_sizes()["goals"] == 3
+    assert client._session.connection.table_sizes()["goals"] == 3
     assert all_is_logged()
     forgotten = [r.args[0] for r in caplog.records if "it is not cancelled any more" in r.msg]
     assert len(forgotten) == 3
@@ -227,7 +227,7 @@ def test_nobody_is_asked_again_when_both_servers_have_ended_a_goal(
     assert future.result(10)
     give_up = time.monotonic() + 10  # for less time than it would be asked for without success
     both_ended = False
-    while client._session.port.table_sizes()["goals"] or not both_ended:
+    while client._session.connection.table_sizes()["goals"] or not both_ended:
         both_ended = server.count("succeeded") + server.count("canceled") == 2
         assert time.monotonic() < give_up
         NEVER.wait(0.01)
@@ -245,7 +245,7 @@ def test_the_death_of_our_thread_fails_every_call_loudly(action_server, make_cli
     def die() -> None:
         raise SystemExit("for the test")  # what no handler of ours catches
 
-    client._session.port.runtime.call_soon(die)
+    client._session.connection.runtime.call_soon(die)
     with pytest.raises(ak.ServerLostError, match="communication thread") as lost:
         future.result(10)
     assert "no longer wants it" not in str(lost.value)  # the caller did not give up

@@ -506,7 +506,7 @@ def test_spin_ends_where_rclpy_woke_it_too_early(spin, action_server, ros_domain
 @pytest.mark.parametrize("how", ["told", "closed"])
 def test_so_it_does_beside_a_client_without_a_node(how, make_client, ros_domain):
     client = make_client()
-    runtime = client._session.port.runtime
+    runtime = client._session.connection.runtime
     rclpy.init(domain_id=ros_domain, signal_handler_options=rclpy.SignalHandlerOptions.NO)
     node = Node("users")
     try:

@@ -27,7 +27,7 @@ PATIENT = Timeouts(server=30.0, accept=20.0)
 def sees(client, servers: int) -> bool:
     """Whether the client comes to see so many servers, each of which answers."""
     give_up = time.monotonic() + 20
-    readiness = client._session.port.link.readiness
+    readiness = client._session.connection.link.readiness
     while not (readiness.ready and len(readiness.servers) == servers):
         if time.monotonic() > give_up:
             return False

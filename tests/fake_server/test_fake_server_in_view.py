@@ -39,8 +39,8 @@ def test_a_new_client_sees_the_server_at_once(ros_domain: int, init: bool) -> No
         with initialised(init), FakeServer(Fibonacci, "fibonacci"):
             began = time.monotonic()
             with Client(Fibonacci, "fibonacci") as client:
-                port = client._session.port
-                assert port.runtime.run(port.actions) == {
+                connection = client._session.connection
+                assert connection.runtime.run(connection.actions) == {
                     "/fibonacci": ("test_msgs/action/Fibonacci",)
                 }
                 assert client.wait_for_server(30.0)

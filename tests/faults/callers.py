@@ -72,7 +72,7 @@ class LocalCaller:
     def close(self) -> bool:
         self.client.close()
         # What a server has done is on its way as an answer; a lost one is asked for within 2 s.
-        return not self.client._session.port.freed.wait(_LAST_ANSWERS)
+        return not self.client._session.connection.freed.wait(_LAST_ANSWERS)
 
 
 class RemoteCaller:

@@ -54,7 +54,7 @@ from actionkit import Client, RetryPolicy, Timeouts  # noqa: E402
 def tell_state(*_: object) -> None:
     """Handle SIGUSR1, from a test that waits too long: report the state of the goals."""
     states = Counter(str(future.timeline[-1].state) for future in futures)
-    link = client._session.port.link
+    link = client._session.connection.link
     said = f"goals {dict(states)}, server {link.readiness.state}, tables {link.table_sizes()}"
     print(said, file=sys.stderr, flush=True)
 

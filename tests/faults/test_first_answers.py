@@ -28,7 +28,7 @@ runtime.make_node = make
 with Client(Fibonacci, "fibonacci") as client:
     result = client.call({"order": 3}, timeout=60)
     found = time.monotonic()
-    patience = client._session.port.runtime.node_replacement._patience
+    patience = client._session.connection.runtime.node_replacement._patience
 print(
     json.dumps(
         {

@@ -71,7 +71,7 @@ def state(caller: Caller) -> dict[str, Any]:
     gc.collect()
     tables: dict[str, int] = {}
     for client in caller.clients.values():
-        for name, size in client._session.port.table_sizes().items():
+        for name, size in client._session.connection.table_sizes().items():
             tables[name] = tables.get(name, 0) + size
     timers = tables.pop("timers", 0)  # some of them are always there
     return {

@@ -187,7 +187,7 @@ def test_a_goal_that_its_client_lost_touch_with_is_not_run_beside_another(place:
     leaf.setup()
     tick_until(leaf, lambda: leaf.future.known_to_run, BOUND)
     lost, client = leaf.future, leaf._hold.client
-    runtime = client._session.port.runtime
+    runtime = client._session.connection.runtime
     runtime.run(lambda: setattr(runtime, "_broken", MemoryError("for the test")))
     assert lost.exception(BOUND) is not None
     assert lost.known_to_run is None

@@ -255,7 +255,7 @@ def test_of_a_goal_whose_client_was_closed_only_its_end_is_known(
         (True, {"accepted": True}, True),
         (False, {"accepted": True, "ended": True, "over": True}, False),
         (None, {"accepted": True, "lost": True}, True),
-        (None, {"accepted": True, "lost": True, "gone": True}, False),
+        (None, {"accepted": True, "lost": True, "servers_gone": True}, False),
     ],
 )
 @pytest.mark.every

@@ -33,7 +33,7 @@ from actionkit._calls.sending.attempt import Attempt
 from actionkit._calls.sending.call import Call
 from actionkit._calls.sending.request import Request
 from actionkit._goal.facts import GoalFacts
-from actionkit._goal.stages import DOUBT
+from actionkit._goal.stages import CONFIRMED_AFTER
 from actionkit._model import errors
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._threads.clock import TimerHandle, TimerQueue
@@ -492,7 +492,7 @@ class CallLife:
         """
         if goal.accepted and goal.unknown_since is None:
             goal.unknown_since = self.clock
-        return goal.unknown_since is not None and self.clock >= goal.unknown_since + DOUBT
+        return goal.unknown_since is not None and self.clock >= goal.unknown_since + CONFIRMED_AFTER
 
     # --- events: the user, and time --------------------------------------------------------
 

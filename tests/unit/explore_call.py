@@ -177,7 +177,7 @@ class World:
             time,
             self.closed,
             m.unwanted,
-            bool(m.closing),
+            bool(m.closes_because),
             self.told_success,
             self.replacement,
         )
@@ -379,7 +379,7 @@ class World:
             self.replacement = arg
             self.do(m.replace_by(arg))
         elif event == "close":
-            self.closed, m.closing = True, "closed"
+            self.closed, m.closes_because = True, "closed"
             self.waited |= arg
             self.give_up(CancelReason.CLOSED, abandon=arg)
         elif event in ("end grace", "grace"):
@@ -443,7 +443,7 @@ class World:
         if self.fails:
             self.do(m.send_failed(ValueError()))
             return
-        if m.unwanted or m.closing or m.ending:
+        if m.unwanted or m.closes_because or m.ending:
             raise Broken("sent though nobody wants it")
         if self.replacement is not None:
             raise Broken("sent though another goal was sent in its place (C1.15)")

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from actionkit import CancelReport, Timeouts
 from actionkit._goal import effects as fx
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import DOUBT, CancelReason, Stage
+from actionkit._goal.stages import CONFIRMED_AFTER, CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.values import GoalState
 
@@ -43,7 +43,7 @@ AT_ONCE = 2
 PAUSES = (4, 8, 30, 60, 120, 240, 300)
 """Pauses between requests, from which on the goal's machine does something else."""
 LONGEST_WALK = 60
-NOT_IN_KEY = ("facts", "_timeouts", "_reask_after", "_held", "_phase", "state", "_latest")
+NOT_IN_KEY = ("facts", "_timeouts", "_reask_after", "_waiting_end", "_phase", "state", "_latest")
 NOBODY: frozenset[int] = frozenset()
 
 
@@ -62,7 +62,9 @@ class Server(NamedTuple):
     shown: bool = False  # something has come that shows that it has the goal
     asked: bool = False  # to cancel the goal, since it has it and since the caller gave up
     told_end: bool = False
-    taking: int = 0  # events since it began to take it: of 0.1 s, so together less than `DOUBT`
+    taking: int = (
+        0  # events since it began to take it: of 0.1 s, so together less than `CONFIRMED_AFTER`
+    )
 
 
 class Request(NamedTuple):
@@ -123,15 +125,19 @@ class World:
             sum(goal._reask_after >= pause for pause in PAUSES),
             limit is not None and self.now >= goal._shown_at + limit,
             [
-                (r.at >= goal._shown_at + DOUBT, r.at >= forgotten + DOUBT, r[1:])
+                (
+                    r.at >= goal._shown_at + CONFIRMED_AFTER,
+                    r.at >= forgotten + CONFIRMED_AFTER,
+                    r[1:],
+                )
                 for r in self.results
             ],
             [
                 (
                     r.at >= goal._shown_at,
                     r.at >= goal._asked_all_at,
-                    r.at >= forgotten + DOUBT,
-                    r.at >= goal._refused_at + DOUBT,
+                    r.at >= forgotten + CONFIRMED_AFTER,
+                    r.at >= goal._refused_at + CONFIRMED_AFTER,
                     r.at >= self.cancel_at,
                     r.at <= self.first_cancel_at,
                     r[1:],
@@ -147,7 +153,7 @@ class World:
             (self.settled, self.released, self.gave_up, self.silent),
             (self.hangs, self.guesses),
         )
-        held = goal._held and goal._held[0]
+        held = goal._waiting_end and goal._waiting_end[0]
         return (*mine, held, astuple(goal.facts)[1:], repr(times), driver, tuple(self.servers))
 
     # --- the driver: `_calls.sending.attempt` -----------------------------------------------------

@@ -28,7 +28,7 @@ from actionkit._goal.effects import (
     Timer,
 )
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import DOUBT, CancelReason
+from actionkit._goal.stages import CONFIRMED_AFTER, CancelReason
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState
@@ -147,7 +147,7 @@ class OnServer:
         """A server may say so of a goal that it is just accepting: it counts when said again."""
         if self.forgotten_at is None:
             self.forgotten_at = now
-        elif asked_at >= self.forgotten_at + DOUBT:
+        elif asked_at >= self.forgotten_at + CONFIRMED_AFTER:
             self.over = True
 
     def _unknown(self) -> None:
@@ -327,7 +327,7 @@ class Life:
         elif unwanted and not (self.cancel_accepted or self.server.ended):
             if self.refused_at is None:
                 self.refused_at = self.now
-            self.refusal_meant |= asked_at >= self.refused_at + DOUBT
+            self.refusal_meant |= asked_at >= self.refused_at + CONFIRMED_AFTER
 
     def _require(self, holds: bool, promise: str) -> None:
         if not holds:
@@ -491,4 +491,4 @@ class Life:
         if not name.endswith("_at") or value is None:
             return value
         age = self.now - value
-        return age if name == "_cancelled_at" else min(age, DOUBT)
+        return age if name == "_cancelled_at" else min(age, CONFIRMED_AFTER)

@@ -23,7 +23,7 @@ from actionkit._goal.effects import LastNews
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import Stage
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit.agents._tool_calls.goals import GoalRecord, Goals
+from actionkit.agents._tool_calls.goals import Goals, ToolGoal
 from actionkit.trees._runs import Runs
 from tests.tables import Page
 from tests.unit.call_life import CallLife
@@ -184,11 +184,11 @@ def a_leaf(earlier: Any) -> bool:
 
 
 def a_toolbox(earlier: Any) -> bool:
-    goals, record = Goals(), GoalRecord("move", "/move")
+    goals, record = Goals(), ToolGoal("move", "/move")
     assert goals.add(record, 1)
     record._goals = earlier.goals
     record.value = cast(Any, "told") if earlier.done() else None
-    return goals.add(GoalRecord("move", "/move"), 1)
+    return goals.add(ToolGoal("move", "/move"), 1)
 
 
 def leftovers(resend: str) -> bool:

@@ -35,7 +35,7 @@ UNCONFIRMED = Ending(End.DEADLINE, GoalState.TIMED_OUT, phase="cancel", given_up
 NOT_CONFIRMED = replace(UNCONFIRMED, lost_because=WHY)
 RUNS: dict[str, Any] = {"accepted": True}
 SILENT: dict[str, Any] = {"accepted": True, "lost": True}
-GONE: dict[str, Any] = {"accepted": True, "lost": True, "gone": True}
+GONE: dict[str, Any] = {"accepted": True, "lost": True, "servers_gone": True}
 OVER: dict[str, Any] = {"over": True, "ended": True}
 
 
@@ -225,9 +225,9 @@ ENDS: dict[str, tuple[Callable[[CallMachine], list[Any]], list[Any]]] = {
     "a failure that may pass is not tried again if its caller cancels":
         (lambda m: [fail(m, unwanted=True)], [FAILED, *not_retried(UNWANTED)]),
     "nor if its client is closed":
-        (lambda m: [fail(m, closing=SHUT)], [FAILED, *not_retried(SHUT)]),
+        (lambda m: [fail(m, closes_because=SHUT)], [FAILED, *not_retried(SHUT)]),
     "nor if both happen":
-        (lambda m: [fail(m, unwanted=True, closing=SHUT)], [FAILED, *not_retried(UNWANTED)]),
+        (lambda m: [fail(m, unwanted=True, closes_because=SHUT)], [FAILED, *not_retried(UNWANTED)]),
     "nor if it is replaced":
         (lambda m: [fail(m, _replacement=call())],
          [FAILED, *not_retried("its caller has sent another goal in its place")]),
@@ -246,7 +246,7 @@ ENDS: dict[str, tuple[Callable[[CallMachine], list[Any]], list[Any]]] = {
         (lambda m: [pause(m, ABORTED, **OVER), m.resume(NOW), m.give_up(CANCELLED)],
          by_caller(SENDING)),
     "the last goal was lost, and may run when the client closes":
-        (lambda m: [pause(m, **GONE), change(m, closing=SHUT), m.give_up(CLOSED)],
+        (lambda m: [pause(m, **GONE), change(m, closes_because=SHUT), m.give_up(CLOSED)],
          ends(replace(GIVEN_UP, end=End.CLOSED, lost_because=SHUT))),
     "the last goal was lost, and may run when its caller cancels":
         (lambda m: [pause(m, **GONE), m.give_up(CANCELLED)],
@@ -295,7 +295,7 @@ def test_a_call_that_is_given_up_before_its_goal_was_sent_sends_none(
     machine = call()
     before(machine)
     if closing:
-        machine.closing = closing
+        machine.closes_because = closing
     given_up = Ending(end, GoalState.SENDING, given_up=True, lost_because=because)
     assert machine.give_up(why) == ends(given_up)
     assert machine.turn(NOW) == []
@@ -526,7 +526,7 @@ def test_who_gives_up_while_an_end_is_judged_waits_for_the_verdict(closing: str,
     machine = call()
     attempt = sent(machine, **OVER)
     machine.ended(attempt, SUCCEEDED)
-    machine.closing = closing
+    machine.closes_because = closing
     assert machine.give_up(CANCELLED) == [cx.CutJudging(why, at_once=False)]
     assert machine.end_grace("no time is left") == [cx.CutJudging("no time is left", at_once=True)]
     assert machine.broke(RuntimeError()) == [cx.CutJudging(closing, at_once=True)]

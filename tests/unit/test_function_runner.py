@@ -15,7 +15,7 @@ from actionkit._threads.function_runner import (
     NoAnswer,
     described,
     function_pool,
-    name_of,
+    short_name_of,
 )
 from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Pool
@@ -221,10 +221,10 @@ def test_functions_are_named_without_running_code_of_the_users() -> None:
 
         def method(self) -> None: ...
 
-    assert name_of(refuse) == "refuse"
-    assert name_of(print) == "print"
-    assert name_of(Judge()).endswith("Judge")
-    assert name_of(Judge().method).endswith("Judge.method")
+    assert short_name_of(refuse) == "refuse"
+    assert short_name_of(print) == "print"
+    assert short_name_of(Judge()).endswith("Judge")
+    assert short_name_of(Judge().method).endswith("Judge.method")
 
 
 def test_values_are_described_in_one_short_line() -> None:

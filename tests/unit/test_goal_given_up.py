@@ -27,7 +27,7 @@ from actionkit._goal.effects import (
     WatchStatus,
 )
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import DOUBT, CancelReason, Stage
+from actionkit._goal.stages import CONFIRMED_AFTER, CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import LONGEST_GRACE, Timeouts
 from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalState
@@ -43,7 +43,7 @@ def refuse(life: Life, times: int = 2) -> None:
     """Let the server refuse to cancel, so often that it is believed unless told otherwise."""
     for _ in range(times):
         life.tell("cancel_answered", CancelAnswer.REFUSED)
-        life.wait_until(life.now + DOUBT)
+        life.wait_until(life.now + CONFIRMED_AFTER)
 
 
 def refused(times: int = 2, deadline: float | None = 60.0, **timeouts: float | None) -> Life:
@@ -191,7 +191,7 @@ def test_a_refusal_is_asked_about_once_more() -> None:
     life = Life(3.0).after(*UNTIL_ACCEPTED, until=3.0)
     assert life.all.count(AskCancel()) == 1
     life.tell("cancel_answered", CancelAnswer.REFUSED)
-    life.wait_until(3.0 + DOUBT)
+    life.wait_until(3.0 + CONFIRMED_AFTER)
     assert life.all.count(AskCancel()) == 2
     life.tell("cancel_answered", CancelAnswer.TERMINATED)
     life.wait_until(5.0)
@@ -202,7 +202,7 @@ def test_a_second_refusal_counts_only_where_it_was_asked_for_after_the_first() -
     """Where packets are lost, what was asked in one moment may be answered seconds apart."""
     life = Life().after(*UNTIL_ACCEPTED, "cancel", until=1.0)
     life.tell("cancel_answered", CancelAnswer.REFUSED, asked_at=0.1)
-    life.wait_until(1.0 + 2 * DOUBT)
+    life.wait_until(1.0 + 2 * CONFIRMED_AFTER)
     life.tell("cancel_answered", CancelAnswer.REFUSED, asked_at=0.2)
     assert life.goal.cancel_reason is CancelReason.CANCELLED
     life.tell("cancel_answered", CancelAnswer.REFUSED)
@@ -212,7 +212,7 @@ def test_a_second_refusal_counts_only_where_it_was_asked_for_after_the_first() -
 def test_a_goal_is_lost_only_where_that_was_said_after_it_was_first_said() -> None:
     life = Life().after(*UNTIL_ACCEPTED, until=1.0)
     life.tell("result", None, None, asked_at=0.1)
-    life.wait_until(1.0 + 2 * DOUBT)
+    life.wait_until(1.0 + 2 * CONFIRMED_AFTER)
     life.tell("result", None, None, asked_at=0.2)
     assert life.end is None
     life.tell("result", None, None)
@@ -231,7 +231,7 @@ def test_a_refusal_is_not_told_of_a_later_cancel_that_nobody_answers() -> None:
     life.goal.facts.goal_id = uuid.uuid4()
     life.see(*UNTIL_ACCEPTED, "cancel")
     life.tell("cancel_answered", CancelAnswer.REFUSED)
-    life.wait_until(life.now + DOUBT)
+    life.wait_until(life.now + CONFIRMED_AFTER)
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     assert life.goal.facts.refused
     life.tell("close", abandon=False)
@@ -405,7 +405,7 @@ def test_a_goal_that_stalled_and_is_lost_is_lost(lost: tuple[Any, ...]) -> None:
     life = Life(feedback=1.0).after(*UNTIL_ACCEPTED, until=1.0)
     for _ in range(2):
         life.tell(*lost)
-        life.wait_until(life.now + DOUBT)
+        life.wait_until(life.now + CONFIRMED_AFTER)
     assert life.end is (End.LOST if lost[0] == "server_lost" else End.RESULT_LOST)
 
 
@@ -514,7 +514,7 @@ def test_a_cancelled_goal_whose_end_is_known_without_its_result() -> None:
 def test_a_refused_cancel_leaves_the_goal_to_its_caller() -> None:
     life = Life(60.0).after(*UNTIL_ACCEPTED, "cancel")
     life.tell("cancel_answered", CancelAnswer.REFUSED)
-    life.wait_until(DOUBT)
+    life.wait_until(CONFIRMED_AFTER)
     effects = life.tell("cancel_answered", CancelAnswer.REFUSED)
     assert effects[0] == Disarm(Timer.CANCEL)
     assert refusals(effects) == [GoalState.ACCEPTED]
@@ -541,7 +541,7 @@ def test_a_refusal_is_told_with_the_end_of_a_goal_that_ended_by_itself(
     life = refused()
     for _ in range(2):  # what is unknown only counts when it is said again
         life.tell(*event)
-        life.wait_until(life.now + DOUBT)
+        life.wait_until(life.now + CONFIRMED_AFTER)
     assert (life.end, life.report) == (end, report)
 
 
@@ -557,7 +557,7 @@ def test_a_goal_that_is_just_being_accepted_is_not_refused_its_cancel(
     life.tell("cancel_answered", CancelAnswer.REFUSED)  # what was asked at once comes too early
     life.tell(*seen)
     asked = life.all.count(AskCancel())
-    life.wait_until(DOUBT)
+    life.wait_until(CONFIRMED_AFTER)
     assert life.all.count(AskCancel()) == asked + 1
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
     life.tell("result", GoalState.CANCELED, None)
@@ -570,7 +570,7 @@ def test_a_refusal_is_asked_about_once_more_when_nobody_waits_any_more() -> None
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     asked = life.all.count(AskCancel())
-    life.wait_until(10.0 + DOUBT)
+    life.wait_until(10.0 + CONFIRMED_AFTER)
     assert life.all.count(AskCancel()) == asked + 1
     life.tell("cancel_answered", CancelAnswer.REFUSED)  # now it is believed
     life.wait_until(30.0)
@@ -584,7 +584,7 @@ def test_a_refusal_that_comes_just_before_the_end_of_the_wait_is_asked_about_onc
     life.wait_until(3.1)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.REFUSED)
     asked = life.all.count(AskCancel())
-    life.wait_until(3.0 + DOUBT)
+    life.wait_until(3.0 + CONFIRMED_AFTER)
     assert life.all.count(AskCancel()) == asked + 1
 
 
@@ -593,7 +593,7 @@ def test_a_refusal_that_was_believed_for_want_of_time_is_asked_about_once_more()
     life = Life(60.0, cancel=0.05).after(*UNTIL_SENT, "cancel")
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     asked = life.all.count(AskCancel())
-    life.wait_until(DOUBT)
+    life.wait_until(CONFIRMED_AFTER)
     assert life.end is None
     assert life.all.count(AskCancel()) == asked + 1
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
@@ -636,7 +636,7 @@ def test_a_refusal_that_was_told_of_is_not_told_of_again_as_the_client_closes() 
 def test_the_feedback_of_a_goal_that_is_not_cancelled_may_stall_again(times: int) -> None:
     life = refused(times, feedback=5.0)
     life.wait_until(2.0)
-    believed = 2.0 if times == 1 else DOUBT
+    believed = 2.0 if times == 1 else CONFIRMED_AFTER
     assert life.timers[Timer.STALL] == believed + 5.0
 
 
@@ -861,7 +861,7 @@ def test_what_is_lost_is_not_taken_over_and_is_cancelled_when_its_server_is_back
 def test_what_runs_on_another_server_is_not_taken_over_and_is_cancelled_there() -> None:
     goal = on_two(accepted=2, at=0.1)
     goal.result(GoalState.ABORTED, None, 1.0, asked_at=0.2, everybody=False)
-    assert goal.stage is Stage.ELSEWHERE
+    assert goal.stage is Stage.ANOTHER_MAY_RUN
     (settled,) = goal.attached_again(Timeouts(), 2.0, 2, left_alone=True)
     assert isinstance(settled, Settle)
     assert settled.ending.end is End.RESULT_LOST
@@ -883,7 +883,7 @@ def test_a_refusal_while_another_client_cancels_is_told_of() -> None:
     life.tell("status", GoalState.CANCELING)
     life.see("cancel")
     life.tell("cancel_answered", CancelAnswer.REFUSED)
-    life.wait_until(DOUBT)
+    life.wait_until(CONFIRMED_AFTER)
     effects = life.tell("cancel_answered", CancelAnswer.REFUSED)
     assert refusals(effects) == [GoalState.CANCELING]
 
@@ -911,7 +911,7 @@ def test_a_goal_unknown_to_a_cancel_is_asked_for_its_result() -> None:
     life = Life().after(*UNTIL_ACCEPTED, "cancel")
     assert AskResult() in life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
     life.tell("result", None, None)
-    life.wait_until(DOUBT)
+    life.wait_until(CONFIRMED_AFTER)
     life.tell("result", None, None)
     assert (life.end, life.report) == (End.RESULT_LOST, CancelReport.NOT_NEEDED)
 
@@ -922,7 +922,7 @@ def test_a_goal_unknown_to_two_cancels_has_ended() -> None:
     life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
     life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)  # asked in the same moment
     assert life.end is None
-    life.wait_until(3.0 + DOUBT)
+    life.wait_until(3.0 + CONFIRMED_AFTER)
     life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
     assert (life.end, life.ended.news) == (End.DEADLINE, LastNews.STOPPED)
     assert life.report is CancelReport.NOT_NEEDED
@@ -941,7 +941,7 @@ def test_a_success_that_was_shown_is_waited_for_though_its_goal_is_forgotten() -
     life.tell("status", GoalState.SUCCEEDED)
     for _ in range(3):
         life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
-        life.wait_until(life.now + DOUBT)
+        life.wait_until(life.now + CONFIRMED_AFTER)
     assert life.end is None
     life.tell("result", GoalState.SUCCEEDED, "result")
     assert (life.end, life.ended.result) == (End.DEADLINE, "result")
@@ -951,7 +951,7 @@ def test_a_success_that_was_shown_is_waited_for_though_its_goal_is_forgotten() -
 def test_what_another_server_does_not_know_may_run_on_its_own(answer: str) -> None:
     life = Life(3.0).after(*UNTIL_ACCEPTED, until=3.0)
     for _ in range(3):
-        life.wait_until(life.now + DOUBT)
+        life.wait_until(life.now + CONFIRMED_AFTER)
         if answer == "cancel":
             life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL, own=False)
         else:
@@ -973,7 +973,7 @@ def test_what_one_of_two_servers_has_forgotten_is_cancelled_on_the_other() -> No
         AskResult(anew=True),
         Arm(Timer.REASK, 4.0),
     ]
-    assert goal.stage is Stage.ELSEWHERE
+    assert goal.stage is Stage.ANOTHER_MAY_RUN
     (settled,) = goal.timer(Timer.CANCEL, 4.0)
     assert isinstance(settled, Settle)
     why = "its server no longer knows the goal"
@@ -983,7 +983,7 @@ def test_what_one_of_two_servers_has_forgotten_is_cancelled_on_the_other() -> No
 def test_what_a_server_has_forgotten_is_over_though_its_acceptance_was_lost() -> None:
     life = Life(3.0).after("sent", "feedback", until=3.0)
     life.tell("result", None, None)
-    life.wait_until(3.0 + DOUBT)
+    life.wait_until(3.0 + CONFIRMED_AFTER)
     life.tell("result", None, None)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.NOT_NEEDED)
     assert life.ended.lost_because == ""

@@ -31,7 +31,7 @@ from actionkit._goal.effects import (
 )
 from actionkit._goal.facts import GoalFacts
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import DOUBT, LONGEST_RESULT_PAUSE, CancelReason, Stage
+from actionkit._goal.stages import CONFIRMED_AFTER, LONGEST_RESULT_PAUSE, CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalState
@@ -301,7 +301,7 @@ def test_another_server_says_nothing_of_a_goal() -> None:
     life = Life().after(*UNTIL_ACCEPTED)
     for _ in range(2):
         assert life.tell("result", None, None, own=False) == []
-        life.wait_until(life.now + DOUBT)
+        life.wait_until(life.now + CONFIRMED_AFTER)
     life.goal.servers_changed(1, 1)
     assert life.tell("result", None, None, own=False) == []
     life.tell("server_lost", "gone")
@@ -422,7 +422,7 @@ def test_a_result_that_is_unknown_after_acceptance_is_lost() -> None:
     life.tell("result", None, None)
     life.tell("result", None, None)  # to what was asked before
     assert life.end is None
-    life.wait_until(DOUBT)
+    life.wait_until(CONFIRMED_AFTER)
     assert life.all.count(AskResult()) == asked + 1
     effects = life.tell("result", None, None)
     assert effects[0] == Record(GoalState.LOST, "the result cannot be had")
@@ -484,7 +484,7 @@ def test_what_no_server_knows_cannot_be_followed(why: CancelReason | None, end: 
     goal = followed(left_alone=False)
     if why is not None:
         goal.give_up(why, 0.0)
-    assert goal.result(None, None, 1.0, asked_at=0.9) == [Arm(Timer.REASK, 1.0 + DOUBT)]
+    assert goal.result(None, None, 1.0, asked_at=0.9) == [Arm(Timer.REASK, 1.0 + CONFIRMED_AFTER)]
     late = end is End.DEADLINE
     ending = Ending(
         end,
@@ -548,7 +548,7 @@ def test_what_one_of_two_servers_rejects_is_cancelled_on_the_other_if_it_was_giv
     ]
     goal.server_lost("gone", 3.0)
     goal.server_back(4.0)
-    assert goal.stage is Stage.ELSEWHERE  # what one has rejected is not waited for again
+    assert goal.stage is Stage.ANOTHER_MAY_RUN  # what one has rejected is not waited for again
 
 
 def test_both_of_two_servers_that_were_lost_may_reject_it() -> None:
@@ -628,7 +628,7 @@ def test_a_server_that_accepted_it_and_is_never_in_sight_does_not_run_it_for_eve
     goal.result(GoalState.SUCCEEDED, None, 1.0, asked_at=0.5, answers=1)
     now = 1.0
     for pause in (1.0, 2.0, 4.0, 8.0, 16.0):
-        assert (goal.stage, goal.facts.known_to_run) == (Stage.ELSEWHERE, True)
+        assert (goal.stage, goal.facts.known_to_run) == (Stage.ANOTHER_MAY_RUN, True)
         now += pause
         goal.timer(Timer.REASK, now)
         goal.result(GoalState.SUCCEEDED, None, now, asked_at=now, answers=1)
@@ -671,7 +671,7 @@ def test_a_caller_that_cancels_all_the_time_does_not_keep_it_from_being_over() -
 
 @pytest.mark.parametrize(
     ("asked_at", "everybody", "over"),
-    [(1.0 + DOUBT, True, True), (1.0, True, False), (9.0, False, False)],
+    [(1.0 + CONFIRMED_AFTER, True, True), (1.0, True, False), (9.0, False, False)],
 )
 def test_what_one_of_two_servers_has_ended_is_over_if_the_other_denied_it_after_its_acceptance(
     asked_at: float, everybody: bool, over: bool
@@ -681,7 +681,7 @@ def test_what_one_of_two_servers_has_ended_is_over_if_the_other_denied_it_after_
     goal.accepted(1.0)
     goal.result(GoalState.SUCCEEDED, 1, 9.0, asked_at=asked_at, everybody=everybody)
     assert goal.facts.is_over is over
-    assert goal.stage is (Stage.OVER if over else Stage.ELSEWHERE)
+    assert goal.stage is (Stage.OVER if over else Stage.ANOTHER_MAY_RUN)
 
 
 @pytest.mark.parametrize(
@@ -764,7 +764,7 @@ def asked_elsewhere(goal: Goal, *, denied: bool = False) -> Iterator[tuple[float
         effects = goal.timer(Timer.REASK, due)
         yield due, effects
         due += sum(each.at - due for each in effects if isinstance(each, Arm))
-        if goal.stage is not Stage.ELSEWHERE:
+        if goal.stage is not Stage.ANOTHER_MAY_RUN:
             return
 
 
@@ -835,7 +835,7 @@ def test_what_one_of_two_servers_has_ended_stays_so_while_the_other_is_out_of_si
     assert goal.server_lost("gone", 2.0) == [Disarm(Timer.REASK)]
     assert goal.facts.fate is GoalFate.LOST
     goal.server_back(3.0)
-    assert goal.stage is Stage.ELSEWHERE
+    assert goal.stage is Stage.ANOTHER_MAY_RUN
     assert goal.in_flight
 
 
@@ -972,7 +972,7 @@ def test_what_one_of_two_servers_has_ended_may_run_on_the_one_that_is_back_and_l
     goal.result(None, None, 2.0, asked_at=1.5)
     assert goal.stage is Stage.LOST
     goal.cancel_answered(CancelAnswer.REFUSED, 3.0, asked_at=1.0)
-    assert goal.stage is Stage.ELSEWHERE
+    assert goal.stage is Stage.ANOTHER_MAY_RUN
     goal.servers_changed(2, 2)
     goal.server_lost("it is gone", 4.0)
     assert goal.facts.may_run

@@ -50,7 +50,7 @@ def test_the_help_imports_no_command():
 
 
 def test_a_client_that_blocks_needs_no_asyncio():
-    modules = imported_by("from actionkit import Client; import actionkit._ros.sending.port")
+    modules = imported_by("from actionkit import Client; import actionkit._ros.sending.connection")
     assert "rclpy" in modules
     assert modules & (SLOW - {"rclpy", "tenacity", "typing_extensions"} | {"click"}) == set()
 

@@ -77,10 +77,11 @@ def test_only_one_of_several_servers_that_has_not_answered_is_undecided() -> Non
 
 def test_only_a_goal_whose_server_has_left_was_lost_with_it() -> None:
     goal_id = uuid.uuid4()
-    assert GoalFacts(goal_id, lost=True, gone=True).is_lost_with_server
+    assert GoalFacts(goal_id, lost=True, servers_gone=True).is_lost_with_server
     assert not GoalFacts(goal_id, lost=True).is_lost_with_server  # its server is only silent
-    assert not GoalFacts(goal_id, gone=True).is_lost_with_server  # it was not found out yet
-    looked_away = GoalFacts(goal_id, lost=True, gone=True, left=True)  # before its server left
+    assert not GoalFacts(goal_id, servers_gone=True).is_lost_with_server  # it was not found out yet
+    # Before its server left.
+    looked_away = GoalFacts(goal_id, lost=True, servers_gone=True, left=True)
     assert not looked_away.is_lost_with_server
 
 

@@ -11,7 +11,7 @@ from actionkit import GoalState, Timeouts
 from actionkit._calls.sending.last_request import LastRequest
 from actionkit._goal.effects import AskCancel, Timer
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import DOUBT, CancelReason
+from actionkit._goal.stages import CONFIRMED_AFTER, CancelReason
 from actionkit._model.cancel_answer import CancelAnswer
 
 
@@ -26,7 +26,7 @@ class Attempt:
         self.asked = 0
 
     def refused(self, at: float) -> None:
-        for now in (at, at + 2 * DOUBT):
+        for now in (at, at + 2 * CONFIRMED_AFTER):
             self.goal.cancel_answered(CancelAnswer.REFUSED, now, asked_at=now)
 
     def left(self) -> Any:

@@ -10,7 +10,14 @@ import pytest
 
 from actionkit._calls.futures.feedback import ThreadCallbacks
 from actionkit._threads import in_hand
-from actionkit._threads.in_hand import FUNCTIONS, WARN_AFTER, Dues, InHand, Label, name_of
+from actionkit._threads.in_hand import (
+    FUNCTIONS,
+    WARN_AFTER,
+    DueWork,
+    Label,
+    WorkOfPool,
+    full_name_of,
+)
 from actionkit._threads.pool import Pool
 from tests.conftest import all_is_logged
 from tests.unit.gate import Gate
@@ -52,11 +59,11 @@ IT = Label("on_feedback", user_function, "the further feedback of its goal")
 
 
 @pytest.fixture
-def dues() -> Dues:
-    return Dues("/fibonacci", FUNCTIONS)
+def dues() -> WorkOfPool:
+    return WorkOfPool("/fibonacci", FUNCTIONS)
 
 
-def running(dues: Dues, since: float) -> InHand:
+def running(dues: WorkOfPool, since: float) -> DueWork:
     """Return what runs on this thread since then."""
     due = dues.begin(IT)
     due.thread, due.since = threading.get_ident(), since
@@ -68,7 +75,9 @@ def named(caplog: pytest.LogCaptureFixture) -> int:
     return len(caplog.records)
 
 
-def test_it_is_named_once_with_its_place(dues: Dues, caplog: pytest.LogCaptureFixture) -> None:
+def test_it_is_named_once_with_its_place(
+    dues: WorkOfPool, caplog: pytest.LogCaptureFixture
+) -> None:
     running(dues, since=NOW)
     dues.look(NOW + WARN_AFTER - 0.01)
     assert named(caplog) == 0
@@ -109,7 +118,7 @@ def test_each_callback_of_a_long_queue_counts_for_itself(
 
 
 def test_each_is_named_at_the_first_look_after_its_time(
-    dues: Dues, caplog: pytest.LogCaptureFixture
+    dues: WorkOfPool, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Most looks end at once, because nothing can have been running for long by then."""
     dues.look(NOW)
@@ -122,7 +131,7 @@ def test_each_is_named_at_the_first_look_after_its_time(
 
 
 def test_what_waits_or_has_returned_is_not_named(
-    dues: Dues, caplog: pytest.LogCaptureFixture
+    dues: WorkOfPool, caplog: pytest.LogCaptureFixture
 ) -> None:
     dues.begin(IT)
     dues.done(running(dues, since=NOW))
@@ -155,7 +164,7 @@ class Callable_:
 def test_callables_go_by_their_names_in_the_source(
     function: Callable[..., object], name: str
 ) -> None:
-    assert name_of(function) in (name, f"{__name__}.{name}")
+    assert full_name_of(function) in (name, f"{__name__}.{name}")
 
 
 # --- when --------------------------------------------------------------------------------------

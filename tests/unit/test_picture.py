@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 import actionkit as ak
 from actionkit import CallInfo, GoalEvent, GoalState, LoggedLine, Outcome, Timeline
 from actionkit._observers.json_schema import event_line, outcome_line, parse_line
-from actionkit._pictures.layout import Phase, Sign
+from actionkit._pictures.layout import Activity, Sign
 from actionkit._pictures.names import shortened
 from actionkit._pictures.svg import draw
 from actionkit.cli._app import app
@@ -121,7 +121,7 @@ def test_a_goal_is_shown_by_its_phases_and_its_end(story: str) -> None:
     assert [shown(attempt) for attempt in groups(svg, "attempt")[:-1]] == expected
     # The legend has what is in the picture, and nothing else.
     names = {name for attempt in groups(svg, "attempt") for name in shown(attempt).split()}
-    meanings = {each.name.lower(): each.value for each in (*Phase, *Sign)}
+    meanings = {each.name.lower(): each.value for each in (*Activity, *Sign)}
     (legend,) = groups(svg, "legend")
     told = [text.text for text in legend.iter(f"{SVG}text")]
     assert sorted(map(str, told)) == sorted(meanings.get(name, name) for name in names)

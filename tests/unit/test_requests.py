@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from actionkit._goal.stages import DOUBT
+from actionkit._goal.stages import CONFIRMED_AFTER
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.cancelling.cancels import CancelWindow
 from actionkit._ros.sending.requests import ServiceRequests
@@ -234,7 +234,7 @@ def test_a_late_answer_to_an_early_question_ends_nothing(server: str) -> None:
     assert attempt.goal.in_flight
     life.result(0, None)
     if server == "there":
-        life.wait_until(life.now() + DOUBT)
+        life.wait_until(life.now() + CONFIRMED_AFTER)
         life.result(0, None)  # it says so again
     # Of a lost goal only its own server can say so.
     assert attempt.goal.in_flight == (server == "lost")

@@ -53,14 +53,14 @@ class Link:
 
 
 class World(Clock):
-    """A session over a port; with `late`, a second server accepts a goal after its end."""
+    """A session over a connection; with `late`, a second server accepts a goal after its end."""
 
     def __init__(self, on_close: str = "cancel", *, late: bool = True) -> None:
         super().__init__()
         self.time = time.monotonic()
         self.link = Link(self)
         self.freed = threading.Event()
-        self.port = SimpleNamespace(
+        self.connection = SimpleNamespace(
             identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm", label=""),
             link=self.link,
             freed=self.freed,
@@ -79,7 +79,7 @@ class World(Clock):
             end_spinning=lambda: None,
             why_unusable=lambda: "",
         )
-        self.session = Session(self.port, on_close, 1.0)  # type: ignore[arg-type]
+        self.session = Session(self.connection, on_close, 1.0)  # type: ignore[arg-type]
         self.facts = GoalFacts(uuid.uuid4(), accepted=True, yeses=1, ended=True, ends=1, over=True)
         if late:
             self.accepted_late()
@@ -190,7 +190,7 @@ def test_goals_are_let_run_only_when_nobody_has_heard_of_ctrl_c(on_close: str, w
             closed.append(abandon)
 
     world.session.calls.add(cast(Any, InFlight()))
-    world.port.why_unusable = lambda: "ROS was shut down"
+    world.connection.why_unusable = lambda: "ROS was shut down"
     world.session._look_at_ros()
     assert closed == ([] if waits else [False])
     world.advance(1.0)

@@ -199,8 +199,8 @@ def test_closing_waits_for_done_callbacks_before_it_sees_that_the_call_is_over()
 # --- the rest ----------------------------------------------------------------------------------
 
 
-class Port(SimpleNamespace):
-    """A port on a thread that comes to what it is given when the test says so."""
+class Connection(SimpleNamespace):
+    """A connection on a thread that comes to what it is given when the test says so."""
 
     def __init__(self) -> None:
         self.soon: list[Any] = []
@@ -230,8 +230,8 @@ class Port(SimpleNamespace):
             self.soon.pop(0)()
 
 
-def session_over(port: Port) -> Session:
-    session = Session(port, "cancel", 1.0)  # type: ignore[arg-type]
+def session_over(connection: Connection) -> Session:
+    session = Session(connection, "cancel", 1.0)  # type: ignore[arg-type]
     open_sessions.discard(session)  # nothing here is to be ended at the interpreter's exit
     return session
 
@@ -253,46 +253,46 @@ class Begun:
 
 
 def test_a_call_that_slips_in_behind_the_closing_sends_nothing() -> None:
-    port = Port()
-    session = session_over(port)
+    connection = Connection()
+    session = session_over(connection)
     before, behind = Begun(), Begun()
     session.begin(before)  # type: ignore[arg-type]
     # In a signal handler, after the look whether it is closed.
     with patch.object(session, "check", session.close_calls):
         session.begin(behind)  # type: ignore[arg-type]
-    port.turn()
+    connection.turn()
     assert before.notes == ["started", "closed"]
     assert behind.notes[0] == "closed"
     assert "started" not in behind.notes
 
 
 def test_a_call_that_comes_to_a_port_that_is_gone_does_not_hang() -> None:
-    port = Port()
-    session = session_over(port)
+    connection = Connection()
+    session = session_over(connection)
     call = Begun()
 
     def slip_in() -> None:
         session.release()
-        port.turn()
-        assert port.freed.is_set()
+        connection.turn()
+        assert connection.freed.is_set()
 
     with patch.object(session, "check", slip_in):
         session.begin(call)  # type: ignore[arg-type]
-    port.turn()
+    connection.turn()
     assert call.notes == ["closed"]
 
 
 def test_a_call_on_a_thread_that_died_fails() -> None:
-    port = Port()
-    session = session_over(port)
+    connection = Connection()
+    session = session_over(connection)
     before, behind = Begun(), Begun()
     session.begin(before)  # type: ignore[arg-type]
-    port.turn()
-    port.runtime.failure = SystemExit("for the test")
+    connection.turn()
+    connection.runtime.failure = SystemExit("for the test")
     session.begin(behind)  # type: ignore[arg-type]
-    port.turn()
+    connection.turn()
     assert behind.notes == ["failed"]
-    session._on_failure(port.runtime.failure)
+    session._on_failure(connection.runtime.failure)
     assert before.notes == ["started", "failed"]
 
 

@@ -35,7 +35,9 @@ def close(session: Session) -> None:
         return
     try:
         end_calls([session])
-        warn_of_goals_left(session.take_untold(), None if session.port.freed.is_set() else LINGER)
+        warn_of_goals_left(
+            session.take_untold(), None if session.connection.freed.is_set() else LINGER
+        )
         if not session.was_interrupted:
             session.callbacks.dues.finish(time.monotonic() + patience(session.cancel_grace))
     finally:
@@ -121,5 +123,5 @@ def _release(sessions: Sequence[Session]) -> None:
         released = Flag()
         session.call_soon(released.set)
         released.wait(max(0.0, until - time.monotonic()))
-        if session.port.freed.is_set():
-            session.port.runtime.join_if_stopping(max(0.0, until - time.monotonic()))
+        if session.connection.freed.is_set():
+            session.connection.runtime.join_if_stopping(max(0.0, until - time.monotonic()))

@@ -8,7 +8,7 @@ from typing import Any
 
 from actionkit._calls.errors.error_context import ErrorContext
 from actionkit._calls.errors.error_texts import TEXTS, invalid_text
-from actionkit._calls.errors.still_running import left_running
+from actionkit._calls.errors.still_running import name_others_left
 from actionkit._goal.effects import End, Ending
 from actionkit._model import errors
 from actionkit._model.field_errors import FieldProblem
@@ -32,7 +32,7 @@ def explain(ending: Ending, call: ErrorContext) -> BaseException | None:
             f"goal {call.goal_id} of action {call.action_name!r} was {how} by its caller after"
             f" {call.elapsed:.1f} s"
         )
-        left = left_running(happened, ending, call)
+        left = name_others_left(happened, ending, call)
         return concurrent.futures.CancelledError(f"{happened}.{left}" if left else happened)
     cls, text = TEXTS[ending.end]
     if judged_transient:
@@ -41,7 +41,7 @@ def explain(ending: Ending, call: ErrorContext) -> BaseException | None:
     if ending.classifier_fault is not None and ending.end is not End.CLASSIFIER_FAILED:
         note += f" It was not tried again, because {full_stop(ending.classifier_fault.problem)}"
     happened = text(ending, call) + note
-    error = cls(happened + left_running(happened, ending, call), **_common(call))
+    error = cls(happened + name_others_left(happened, ending, call), **_common(call))
     if ending.cancel is not None:
         error.cancel = ending.cancel
     _add_facts(error, ending, call)

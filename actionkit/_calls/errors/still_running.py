@@ -20,7 +20,7 @@ GONE = "its server is gone, or silent"
 ELSEWHERE = "one server has stopped it, and another on the same name has not confirmed that it has"
 
 
-def left_running(text: str, ending: Ending, call: ErrorContext) -> str:
+def name_others_left(text: str, ending: Ending, call: ErrorContext) -> str:
     """Name the goals of the call that may run and that a text does not mention (C2.8)."""
     told = " STILL " in text and call.goal_id  # the text says that about its own goal
     return name_those_left(goal for goal in ending.goals if goal.goal_id != told)
@@ -52,7 +52,7 @@ def _may_still_run(goals: list[str], why: str) -> str:
 def cancel_sentence(ending: Ending, call: ErrorContext) -> str:
     """Say what happened to a goal that was given up on.
 
-    If it may run, the text has the word STILL: `left_running` looks for it.
+    If it may run, the text has the word STILL: `name_others_left` looks for it.
     """
     if ending.abandoned:
         return " It was left to run on the server."

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from actionkit._goal.facts import GoalFacts
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import GoalReport, GoalState
-from actionkit._threads.function_runner import Clock
+from actionkit._threads.function_runner import Scheduler
 
 _KEPT = 100
 """How many goals that do not run any more a call keeps, for `Outcome.goals`."""
@@ -69,12 +69,12 @@ class GoalsOfCall:
     def tell(self) -> None:
         """Record that the user knows about the goals that may run."""
         for goal in self.facts_left:
-            goal.told = True
+            goal.user_knows = True
 
     @property
-    def told(self) -> bool:
+    def user_knows(self) -> bool:
         """Whether the user knows about each goal that may run."""
-        return all(goal.told for goal in self.facts_left)
+        return all(goal.user_knows for goal in self.facts_left)
 
     @property
     def known_to_run(self) -> bool | None:
@@ -83,7 +83,7 @@ class GoalsOfCall:
         return True if True in known else None if None in known else False
 
 
-class GoalsKeeper(Clock, Protocol):
+class GoalsKeeper(Scheduler, Protocol):
     """What a future needs of its session."""
 
     action_name: str

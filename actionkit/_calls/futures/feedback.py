@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from actionkit._messages.lazy import UndecodableError
 from actionkit._threads.diagnostics import is_interrupt, log_here, log_later
 from actionkit._threads.event_loop import running_loop, running_task
-from actionkit._threads.in_hand import InHand, Label
+from actionkit._threads.in_hand import DueWork, Label
 from actionkit._threads.pool import Pool, in_callback
 from actionkit._threads.serial_queue import SerialQueue
 
@@ -105,7 +105,7 @@ class LoopCallbacks(Callbacks):
         super().__init__(function, action_name, pool)
         self._loop = loop
         self._thread = threading.get_ident()
-        self._due: InHand | None = None
+        self._due: DueWork | None = None
         self._task: asyncio.Task[None] | None = None
 
     def _begin(self) -> None:

@@ -62,7 +62,7 @@ def tell_of_goals_left(error: BaseException, action_name: str, goals: GoalsOfCal
     happened = f"the call of action {action_name!r} was interrupted.{left}"
     ids = " ".join(map(str, goals.may_run[:_NAMED]))
     advice = f"`actionkit cancel {action_name} {ids}` asks the server once more. {_STOP_IT}"
-    if not goals.told and not _muted:
+    if not goals.user_knows and not _muted:
         _warn(f"{happened} {advice}")
     goals.tell()
     with contextlib.suppress(Exception):  # a class of the user's may not allow it

@@ -14,7 +14,7 @@ from actionkit._model.arguments import check_function
 from actionkit._model.errors import ActionKitError
 from actionkit._model.field_errors import FieldError
 from actionkit._model.values import GoalState, Outcome, Verdict
-from actionkit._threads.function_runner import described, name_of
+from actionkit._threads.function_runner import described, short_name_of
 
 Classify = Callable[[Outcome[Any]], Verdict | None]
 
@@ -29,7 +29,7 @@ def default_verdict(outcome: Outcome[Any]) -> Verdict:
 
 def label_of(classify: Classify) -> str:
     """Return the name of the user's function for error texts."""
-    name = repr(classify) if isinstance(classify, FieldClassifier) else name_of(classify)
+    name = repr(classify) if isinstance(classify, FieldClassifier) else short_name_of(classify)
     return f"`classify={name}`"
 
 

@@ -11,7 +11,7 @@ from actionkit._calls.retries.classify import Classify, call_classifier, default
 from actionkit._goal.effects import End, Ending, Fault
 from actionkit._model.values import Outcome, Verdict
 from actionkit._threads.diagnostics import log_later
-from actionkit._threads.function_runner import Clock, FunctionRunner, NoAnswer
+from actionkit._threads.function_runner import FunctionRunner, NoAnswer, Scheduler
 from actionkit._threads.pool import Pool
 
 _CLASSIFIED = {End.SUCCEEDED, End.ABORTED, End.REJECTED, End.CANCELED_BY_OTHER}
@@ -23,7 +23,7 @@ OnVerdict = Callable[[Ending, BaseException | None, Verdict | Fault], None]
 class ClassifyRunner:
     """Classifies the endings of one call, one at a time, on the communication thread."""
 
-    def __init__(self, clock: Clock, pool: Pool, classify: Classify | None) -> None:
+    def __init__(self, clock: Scheduler, pool: Pool, classify: Classify | None) -> None:
         self._classify = classify
         self._runner = FunctionRunner(clock, pool)
 

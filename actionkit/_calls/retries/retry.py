@@ -13,7 +13,7 @@ import tenacity
 from actionkit._calls.retries.budget import RetryBudget
 from actionkit._goal.effects import End, Ending, Fault, LastNews
 from actionkit._model.settings import MOST, RetryPolicy
-from actionkit._threads.function_runner import described, name_of
+from actionkit._threads.function_runner import described, short_name_of
 
 
 def may_try_again(rejected: bool, news: LastNews, resend: str) -> bool:
@@ -120,7 +120,7 @@ class Schedule:
     @property
     def strategy(self) -> str:
         """The last strategy that was called, as error texts name it."""
-        return f"`RetryPolicy.{self._called}={name_of(getattr(self._policy, self._called))}`"
+        return f"`RetryPolicy.{self._called}={short_name_of(getattr(self._policy, self._called))}`"
 
     def next_pause(self, error: BaseException, attempts: int, now: float) -> float | GiveUp | Fault:
         """Return the seconds of the next pause, by the strategies. Never raises.

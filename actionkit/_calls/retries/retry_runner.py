@@ -11,7 +11,7 @@ from actionkit._calls.retries.budget import RetryBudget
 from actionkit._calls.retries.retry import GiveUp, Retry, Schedule, plan
 from actionkit._goal.effects import Ending, Fault
 from actionkit._model.settings import RetryPolicy
-from actionkit._threads.function_runner import Clock, FunctionRunner, NoAnswer
+from actionkit._threads.function_runner import FunctionRunner, NoAnswer, Scheduler
 from actionkit._threads.pool import Pool
 
 OnPlan = Callable[[Retry | GiveUp | Fault], None]
@@ -21,7 +21,7 @@ class RetryRunner:
     """Decides about the retries of one call. On the communication thread only."""
 
     def __init__(
-        self, clock: Clock, pool: Pool, policy: RetryPolicy, budget: RetryBudget, began: float
+        self, clock: Scheduler, pool: Pool, policy: RetryPolicy, budget: RetryBudget, began: float
     ) -> None:
         """Begin without attempts, for a call that began at the monotonic time `began`."""
         self._policy = policy

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, ClassVar, Protocol
 
-from actionkit._calls.sending.goal_timers import Clock, GoalTimers
+from actionkit._calls.sending.goal_timers import CancellableTimers, GoalTimers
 from actionkit._goal import effects as fx
 from actionkit._goal.facts import GoalFacts
 from actionkit._goal.machine import Goal
@@ -33,7 +33,7 @@ class AttemptLink(Protocol):
     """What an attempt needs of the link to the servers; `_ros.sending.link.Link` implements it."""
 
     @property
-    def runtime(self) -> Clock: ...
+    def runtime(self) -> CancellableTimers: ...
     @property
     def liveness(self) -> LivenessCheck: ...
     @property

@@ -201,7 +201,7 @@ class Call:
 
     def close(self, *, abandon: bool, because: str = CLIENT_CLOSED) -> None:
         """End because the client closes, or because something else that calls need has ended."""
-        self.machine.closing = because
+        self.machine.closes_because = because
         if self._request.attach is not None and self.machine.attempt is None:
             if not (self.left_alone or abandon):
                 self.unwanted = True  # it is cancelled, if a server comes in time
@@ -228,7 +228,7 @@ class Call:
 
     def fail(self, reason: str, error: BaseException) -> None:
         """End because our own side failed."""
-        self.machine.closing = reason  # no timer fires now, so nothing can be tried again
+        self.machine.closes_because = reason  # no timer fires now, so nothing can be tried again
         if (attempt := self.machine.attempt) is not None:
             attempt.fail(reason, error)
         else:
@@ -432,7 +432,9 @@ class Call:
         self._strike_out()
         if self._ledger is not None:  # a goal may run, but it is the last one
             self._ledger._limit_soon(self._call_id, self.machine.attempts)
-        self._record.end_feedback(ending, client_closes=self.machine.closing == CLIENT_CLOSED)
+        self._record.end_feedback(
+            ending, client_closes=self.machine.closes_because == CLIENT_CLOSED
+        )
         outcome = self._record.outcome(ending, self.goal_id, self.machine.attempts)
         self._record.tell_outcome(outcome)
         # Leave the session first: a caller that sees the end must find that done (C1.11).

@@ -25,7 +25,7 @@ from actionkit._model.timeline import Recorder
 from actionkit._model.values import GoalEvent, GoalState, Outcome, Timeline
 from actionkit._observers.delivery import ObserverDispatcher
 from actionkit._threads.clock import TimerHandle
-from actionkit._threads.function_runner import Clock
+from actionkit._threads.function_runner import Scheduler
 
 _LAST_FEEDBACK_GRACE = 0.05
 """Seconds that a result waits until callbacks have got the feedback before it. Quick callbacks need
@@ -63,7 +63,7 @@ class CallRecord:
         self._action = action
         self._request = request
         self._dispatcher = dispatcher
-        self._grace: tuple[Clock, TimerHandle] | None = None
+        self._grace: tuple[Scheduler, TimerHandle] | None = None
         self._info = dispatcher.call_info(
             call_id, request.goal, monotonic=self.began, wall=time.time()
         )
@@ -99,7 +99,7 @@ class CallRecord:
         if self._request.callbacks is not None:
             self._request.callbacks.put(*handful)
 
-    def await_callbacks(self, ending: Ending, clock: Clock, then: Callable[[], None]) -> None:
+    def await_callbacks(self, ending: Ending, clock: Scheduler, then: Callable[[], None]) -> None:
         """Call `then` when the feedback callbacks have got everything, or are slow; maybe twice."""
         callbacks = self._request.callbacks
         if ending.end not in _WITH_RESULT or callbacks is None:

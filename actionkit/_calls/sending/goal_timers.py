@@ -14,7 +14,7 @@ from actionkit._goal.effects import Timer
 from actionkit._threads.clock import TimerHandle, Timers
 
 
-class Clock(Timers, Protocol):
+class CancellableTimers(Timers, Protocol):
     """The communication thread's clock and timers."""
 
     def cancel_timer(self, handle: TimerHandle) -> None: ...
@@ -23,7 +23,7 @@ class Clock(Timers, Protocol):
 class GoalTimers:
     """When each timer of a goal is due. `settle` passes changes on to the thread."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: CancellableTimers) -> None:
         """Begin without timers."""
         self._clock = clock
         self._due: dict[Timer, float] = {}

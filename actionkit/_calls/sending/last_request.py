@@ -56,5 +56,5 @@ class LastRequest:
 
 
 def _is_awaited(goal: Goal) -> bool:
-    elsewhere = goal.stage is Stage.ELSEWHERE and goal.cancel_reason is None
+    elsewhere = goal.stage is Stage.ANOTHER_MAY_RUN and goal.cancel_reason is None
     return goal.facts.refused or elsewhere

@@ -99,7 +99,7 @@ class CallMachine:
         self.ending: fx.Ending | None = None
         self.cause: BaseException = RejectedByClassifier()  # the last failure, for strategies
         self.unwanted = False  # set by the caller's thread, before it calls `cancel`
-        self.closing = ""  # why, as a clause
+        self.closes_because = ""  # why, as a clause
         self._resend = resend
         self._server_limit = server_limit
         self._deadline = deadline
@@ -165,7 +165,7 @@ class CallMachine:
             return [cx.AwaitEarlier()]
         if self.phase is Phase.JUDGING:
             # Its goal ended, and is not tried again. Wait for the verdict as for a cancellation.
-            because = "the client was closed" if self.closing else "the call was cancelled"
+            because = "the client was closed" if self.closes_because else "the call was cancelled"
             return [cx.CutJudging(because, at_once=False)]
         end = fx.End.CLOSED if why is CancelReason.CLOSED else fx.End.CANCELLED_BY_CALLER
         if self._last is None or self.is_waiting:
@@ -206,7 +206,7 @@ class CallMachine:
     def broke(self, error: BaseException) -> list[cx.Effect]:
         """Our own side failed while the call has no goal in flight that could handle that."""
         if self.phase in (Phase.CONFIRMING, Phase.JUDGING):
-            return self.end_grace(self.closing)
+            return self.end_grace(self.closes_because)
         return self._end(fx.Ending(fx.End.LOST, GoalState.LOST, error=error))
 
     # --- until a goal is sent --------------------------------------------------------------
@@ -358,7 +358,7 @@ class CallMachine:
         effects.append(cx.Count(success=False))
         if end := self._end_for_others():
             return effects + end
-        why = "its caller no longer wants it" if self.unwanted else self.closing
+        why = "its caller no longer wants it" if self.unwanted else self.closes_because
         if self._replacement is not None:
             why = "its caller has sent another goal in its place"
         if why:
@@ -403,7 +403,7 @@ class CallMachine:
         if self.ending is not None:
             return []
         if ending.end is fx.End.CLOSED:
-            ending = replace(ending, lost_because=self.closing)
+            ending = replace(ending, lost_because=self.closes_because)
         self.ending = ending
         if ending.end in _GIVEN_UP and self.confirming:
             self.phase = Phase.CONFIRMING

@@ -14,10 +14,10 @@ from actionkit._calls.futures.future import GoalFuture
 from actionkit._model.arguments import check_type
 from actionkit._model.values import GoalReport
 from actionkit._threads.clock import TimerHandle
-from actionkit._threads.function_runner import Clock
+from actionkit._threads.function_runner import Scheduler
 
 
-class GoalsWatch(Clock, Protocol):
+class GoalsWatch(Scheduler, Protocol):
     """What is needed of the session."""
 
     on_goals_changed: set[Callable[[], None]]

@@ -33,7 +33,7 @@ from actionkit._observers.delivery import ObserverDispatcher
 from actionkit._observers.protocol import Observer
 from actionkit._ros.communication import secured
 from actionkit._ros.endpoints import graph
-from actionkit._ros.sending.port import DIED, Port, ServerWait
+from actionkit._ros.sending.connection import DIED, Connection, ServerWait
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.diagnostics import log_later
 from actionkit._threads.pool import Pool
@@ -65,26 +65,29 @@ class Session:
 
     def __init__(
         self,
-        port: Port,
+        connection: Connection,
         on_close: OnClose,
         cancel_grace: float,
         observers: tuple[Observer, ...] = (),
         ledger: LedgerFile | None = None,
     ) -> None:
-        """Take over a port, which the session will free.
+        """Take over a connection, which the session will free.
 
         `on_close` is what closing does to goals in flight, `cancel_grace` is `Timeouts.cancel`.
         The observers are checked already.
         """
-        self.port = port
+        self.connection = connection
         self.ledger = ledger
         """Where calls are written down before they begin."""
         self.cancel_grace = cancel_grace
-        self.identity = port.identity
-        self.action_name, self.type_name = port.identity.action_name, port.identity.type_name
-        self.link = port.link
-        self.decode_feedback = port.decode_feedback
-        runtime = port.runtime
+        self.identity = connection.identity
+        self.action_name, self.type_name = (
+            connection.identity.action_name,
+            connection.identity.type_name,
+        )
+        self.link = connection.link
+        self.decode_feedback = connection.decode_feedback
+        runtime = connection.runtime
         self.call_soon = runtime.call_soon
         self.call_at = runtime.call_at
         self.cancel_timer = runtime.cancel_timer
@@ -112,7 +115,7 @@ class Session:
             observers,
             action_name=self.action_name,
             action_type=self.type_name,
-            node_name=port.identity.label,
+            node_name=connection.identity.label,
         )
         self.callbacks = Pool(self.action_name)
         """The threads of the user's callbacks."""
@@ -120,7 +123,7 @@ class Session:
         open_sessions.add(self)
         runtime.on_failure.append(self._on_failure)
         runtime.on_shutdown.append(self._look_at_ros)
-        if runtime.was_shut_down or port.why_unusable():  # too early for these lists
+        if runtime.was_shut_down or connection.why_unusable():  # too early for these lists
             self.call_soon(self._look_at_ros)
 
     # --- what a client asks for ------------------------------------------------------------
@@ -138,13 +141,13 @@ class Session:
             RuntimeError: The session belongs to the process that this one was forked from.
         """
         self._check_open()
-        if why := self._ended_because or self.port.why_unusable():
+        if why := self._ended_because or self.connection.why_unusable():
             # A program that was told to end must not start goals.
             raise ClientClosedError(
                 f"the client of action {self.action_name!r} takes no more calls, because {why}:"
                 " make a new client",
                 action_name=self.action_name,
-            ) from self.port.runtime.failure
+            ) from self.connection.runtime.failure
 
     def _check_open(self) -> None:
         if self.inherited:
@@ -212,7 +215,7 @@ class Session:
         `timeout` is in seconds, `None` means no limit.
         """
         self.check()
-        with ServerWait(self.port, timeout) as wait:
+        with ServerWait(self.connection, timeout) as wait:
             wait.over.wait(timeout)
         if not wait.ready:
             self.check()
@@ -226,7 +229,7 @@ class Session:
         """
         driver = find_driver()
         self.check()
-        with ServerWait(self.port, timeout) as wait:
+        with ServerWait(self.connection, timeout) as wait:
             await driver.wait(wait.over)
         if not wait.ready:
             self.check()
@@ -235,12 +238,12 @@ class Session:
     def sees_server(self) -> bool:
         """Whether goals can be sent now. Raises the errors of `check`."""
         self.check()
-        return self.port.runtime.run(self.link.server_is_ready)
+        return self.connection.runtime.run(self.link.server_is_ready)
 
     # --- for calls, on the communication thread --------------------------------------------
 
     def _start(self, call: Call) -> None:
-        failure = self.port.runtime.failure
+        failure = self.connection.runtime.failure
         if failure is not None:
             call.fail(DIED, failure)
         elif self._ended_because:
@@ -252,7 +255,7 @@ class Session:
             call.start()
         else:
             call.start()
-            if self.port.has_node and self._node_timer is None:
+            if self.connection.has_node and self._node_timer is None:
                 self._arm_node_timer()
 
     def send(self, goal_id: uuid.UUID, request: Request, owner: Call) -> Attempt:
@@ -306,14 +309,14 @@ class Session:
     def graph_snapshot(self) -> GraphSnapshot:
         """Return what the graph shows now, for an error's text. On the communication thread."""
         return GraphSnapshot(
-            self.port.actions(),
+            self.connection.actions(),
             self.identity.domain_id,
             graph.middleware(),
-            self.port.best_effort(),
-            self.port.sends_no_data(),
-            self.port.only_publishing(),
-            self.port.runtime.now() - self.port.runtime.in_graph_since,
-            secured.enclave(own=self.port.runtime.own_context is not None),
+            self.connection.best_effort(),
+            self.connection.sends_no_data(),
+            self.connection.only_publishing(),
+            self.connection.runtime.now() - self.connection.runtime.in_graph_since,
+            secured.enclave(own=self.connection.runtime.own_context is not None),
         )
 
     def finished(self, call: Call) -> None:
@@ -328,7 +331,7 @@ class Session:
             if (
                 attempt.goal_id in goal_ids
                 and attempt.goal.settled
-                and not self.port.freed.is_set()
+                and not self.connection.freed.is_set()
             ):
                 attempt.give_up(CancelReason.CANCELLED)
 
@@ -362,7 +365,7 @@ class Session:
     def _end_calls(self) -> None:
         """End every call by the client's policy, and accept no more."""
         self._ended_because = self._ended_because or CLIENT_CLOSED
-        self.port.end_waits()
+        self.connection.end_waits()
         for call in list(self.calls):
             call.close(abandon=self._abandon, because=self._ended_because)
         if self._abandon:
@@ -372,22 +375,22 @@ class Session:
 
     def _ask_last_time(self) -> None:
         """Ask once more to cancel the goals that may run though their calls are over."""
-        if self.port.freed.is_set():
+        if self.connection.freed.is_set():
             self.last_request.drop()
         elif not self.last_request.began:
             self.last_request.begin([each for each in self._attempts if each.goal.settled])
 
     def _look_at_ros(self) -> None:
         """End every call if the user's ROS was shut down (C2.6)."""
-        if self.port.freed.is_set():
+        if self.connection.freed.is_set():
             return
-        if not self._ended_because and (why := self.port.why_unusable()):
+        if not self._ended_because and (why := self.connection.why_unusable()):
             self._ended_because = why
             if self._abandon:
                 self.call_at(time.monotonic() + _CTRL_C_HEARD, self._end_calls)
             else:
                 self._end_calls()
-        self.port.end_spinning()
+        self.connection.end_spinning()
 
     def _arm_node_timer(self) -> None:
         self._node_timer = self.call_at(time.monotonic() + _NODE_CHECK, self._look_at_node)
@@ -405,9 +408,9 @@ class Session:
         for attempt in list(self._attempts):
             attempt.goal.lose_touch()
         self.last_request.drop()
-        self.port.end_waits()
+        self.connection.end_waits()
         # The entities died with the thread; nothing can free them.
-        self.port.freed.set()
+        self.connection.freed.set()
         if self._closed:
             open_sessions.discard(self)
 
@@ -416,11 +419,11 @@ class Session:
             call.end_grace()
         self.last_request.drop()
 
-    # --- what frees the port, on the communication thread ----------------------------------
+    # --- what frees the connection, on the communication thread ----------------------------------
 
     def _release(self) -> None:
-        """Free the port as soon as no goal needs watching."""
-        if self.port.freed.is_set():
+        """Free the connection as soon as no goal needs watching."""
+        if self.connection.freed.is_set():
             open_sessions.discard(self)
         elif self._done:
             self._free()
@@ -447,8 +450,8 @@ class Session:
             self.call_soon(self._free)  # not inside the link's own callback
 
     def _free(self) -> None:
-        """Free the port now, even with goals in flight. Does nothing the second time."""
-        if self.port.freed.is_set():
+        """Free the connection now, even with goals in flight. Does nothing the second time."""
+        if self.connection.freed.is_set():
             return
         self._ended_because = self._ended_because or CLIENT_CLOSED
         # Other clients may keep the thread alive. A timer that stays there would keep this session,
@@ -460,9 +463,9 @@ class Session:
         self.last_request.drop()
         for attempt in list(self._attempts):
             attempt.drop()
-        self.port.runtime.on_failure.remove(self._on_failure)
-        self.port.runtime.on_shutdown.remove(self._look_at_ros)
-        self.port.free()
+        self.connection.runtime.on_failure.remove(self._on_failure)
+        self.connection.runtime.on_shutdown.remove(self._look_at_ros)
+        self.connection.free()
         open_sessions.discard(self)
 
     # --- the end, see `closing` ------------------------------------------------------------
@@ -506,7 +509,7 @@ class Session:
 
     def await_freed(self, until: float) -> bool:
         """Wait until everything is freed and no goal is watched; return whether that is so."""
-        return self.port.freed.wait(max(0.0, until - time.monotonic()))
+        return self.connection.freed.wait(max(0.0, until - time.monotonic()))
 
     def take_untold(self) -> list[tuple[str, uuid.UUID]]:
         """Return the goals that may be running, with the action's name, to warn of them now.
@@ -518,10 +521,10 @@ class Session:
         # If these are left alone, nobody looks after them.
         taken_over = [goal for future in self.taken_over for goal in future._call.goals.facts_left]
         left += [goal for goal in taken_over if not any(goal is other for other in left)]
-        if all(goal.told for goal in left):
+        if all(goal.user_knows for goal in left):
             return []
         for goal in left:
-            goal.told = True
+            goal.user_knows = True
         return [(self.action_name, goal.goal_id) for goal in left]
 
     @property
@@ -542,4 +545,4 @@ class Session:
 
 
 open_sessions: set[Session] = set()
-"""The sessions with a port that is not freed, for the interpreter's exit."""
+"""The sessions with a connection that is not freed, for the interpreter's exit."""

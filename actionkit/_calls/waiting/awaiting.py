@@ -11,7 +11,7 @@ from typing import Any
 from actionkit._calls.waiting.drivers import Driver, find_driver
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.event_loop import running_task
-from actionkit._threads.function_runner import Clock
+from actionkit._threads.function_runner import Scheduler
 from actionkit._threads.waiting import Flag
 
 _LOOK_PERIOD = 1.0
@@ -24,7 +24,7 @@ Wait = Callable[[], Coroutine[Any, Any, Any]]
 
 
 @contextlib.contextmanager
-def _limited(flag: Flag, seconds: float | None, clock: Clock) -> Iterator[Flag]:
+def _limited(flag: Flag, seconds: float | None, clock: Scheduler) -> Iterator[Flag]:
     """Yield a flag that is set with `flag`, or after `seconds`; `None` means no limit."""
     if seconds is None:
         yield flag
@@ -57,7 +57,7 @@ def _limited(flag: Flag, seconds: float | None, clock: Clock) -> Iterator[Flag]:
 class Awaiters:
     """The coroutines that await one goal. If all are cancelled, the last one cancels the goal."""
 
-    def __init__(self, over: Flag, clock: Clock) -> None:
+    def __init__(self, over: Flag, clock: Scheduler) -> None:
         """Begin without any. `over` is set when the call is over."""
         self._over = over
         self._clock = clock

@@ -255,7 +255,7 @@ class Link:
         self._entities.recreate(node)
         self._status.enter()
 
-    # --- what the port needs ---------------------------------------------------------------
+    # --- what the connection needs ---------------------------------------------------------------
 
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now; it first looks at the middleware's latest event."""

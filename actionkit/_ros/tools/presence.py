@@ -14,7 +14,7 @@ from actionkit._model.environment.domain import environment_domain
 from actionkit._model.errors import ActionTypeMismatchError
 from actionkit._ros.communication import runtimes
 from actionkit._ros.communication.runtime import Runtime
-from actionkit._ros.sending.port import Port, ServerWait
+from actionkit._ros.sending.connection import Connection, ServerWait
 from actionkit._ros.tools.contexts import default_domain
 
 _LEFT_WITHIN = 5.0
@@ -37,22 +37,22 @@ class Presence:
         if _domain_of_clients() != domain_id:
             return True
         try:
-            port = Port(action_type, action_name)
+            connection = Connection(action_type, action_name)
         except (ValueError, ActionTypeMismatchError):
             return True
         try:
-            if port.identity.action_name != action_name:
+            if connection.identity.action_name != action_name:
                 return True
-            with ServerWait(port, timeout) as wait:
+            with ServerWait(connection, timeout) as wait:
                 wait.over.wait(timeout)
             # Not before: a node in use is not replaced, even if it has missed the server.
-            if port.runtime.run(partial(port.runtime.add_user, self)):
-                self._runtime = port.runtime
+            if connection.runtime.run(partial(connection.runtime.add_user, self)):
+                self._runtime = connection.runtime
             return wait.ready
         finally:
             # So that a client of another type can use the name.
-            port.runtime.run(port.free)
-            port.runtime.join_if_stopping(_LEFT_WITHIN)
+            connection.runtime.run(connection.free)
+            connection.runtime.join_if_stopping(_LEFT_WITHIN)
 
     def leave(self, *, at_exit: bool = False) -> None:
         """Leave the graph, unless a client is there.

@@ -50,7 +50,7 @@ def is_wanted() -> bool:
     return os.environ.get(SWITCH, "").strip() != "0"
 
 
-class Link(standstill.Link, Protocol):
+class MovableLink(standstill.StoppableLink, Protocol):
     """The entities of one client."""
 
     def has_seen_servers(self) -> bool:
@@ -86,7 +86,7 @@ class NodeReplacement:
         node and calls `joined`. If that fails, no link has entities, and `on_failure` gets the
         error.
         """
-        self.links: dict[Link, None] = {}
+        self.links: dict[MovableLink, None] = {}
         """The clients with entities on the node."""
         self._timers = timers
         self._can_leave = can_leave

@@ -50,7 +50,7 @@ server is reported 8.5 s after a standstill if the node could be replaced at onc
 _boot_time = partial(time.clock_gettime, time.CLOCK_BOOTTIME)
 
 
-class Link(Protocol):
+class StoppableLink(Protocol):
     """The entities of one client."""
 
     def is_busy(self) -> bool:
@@ -77,7 +77,7 @@ class Standstill:
     def __init__(
         self,
         timers: Timers,
-        links: Iterable[Link],
+        links: Iterable[StoppableLink],
         *,
         can_leave: Callable[[], bool],
         replace_node: Callable[[], None],

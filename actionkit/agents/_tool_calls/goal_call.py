@@ -18,7 +18,7 @@ from actionkit.agents._answers.progress import telling
 from actionkit.agents._answers.results import refusal, tool_result
 from actionkit.agents._configuration.config import ActionConfig
 from actionkit.agents._tool_calls.clients import Clients
-from actionkit.agents._tool_calls.goals import GoalRecord, Goals
+from actionkit.agents._tool_calls.goals import Goals, ToolGoal
 from actionkit.agents._tool_calls.hold import HoldListener
 from actionkit.agents._values import ApprovalRequest, Approve, OnProgress, ToolResult
 
@@ -55,7 +55,7 @@ class GoalCalls:
         # `actionkit stop` cannot cancel a goal that no server knows yet; this can.
         clients.on_hold = self.cancel_all
 
-    def cancel_all(self, why: str) -> list[GoalRecord]:
+    def cancel_all(self, why: str) -> list[ToolGoal]:
         """Cancel what is in flight, and what waits to be sent; never blocks, from any thread."""
         self.stops += 1  # first: a call that is not in the list yet looks at this
         records = self._goals.counting()
@@ -165,7 +165,7 @@ class GoalCalls:
         on_progress: OnProgress | None,
     ) -> ToolResult:
         """Send the goal and wait for its end. Before `record.follow`, nothing is awaited."""
-        record = GoalRecord(tool.name, client.action_name)
+        record = ToolGoal(tool.name, client.action_name)
         # Counted before the last check: a stop that comes after the check finds and cancels it.
         if not self._goals.add(record, tool.concurrent - len(others)):
             raise _too_many(tool, self._goals.counting(record.action), others)
@@ -294,7 +294,7 @@ async def _answer(approve: Approve, request: ApprovalRequest) -> object:
     return asking.result()
 
 
-def _too_many(tool: ActionConfig, running: list[GoalRecord], others: list[WatchedGoal]) -> _Refused:
+def _too_many(tool: ActionConfig, running: list[ToolGoal], others: list[WatchedGoal]) -> _Refused:
     ids = [record.report()["goal_id"] or "one that waits to be sent" for record in running]
     ids += [f"{goal.goal_id} (of another program)" for goal in others]
     text = f"{tool.name} allows {tool.concurrent} at a time, and as many run or may run"

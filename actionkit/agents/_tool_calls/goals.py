@@ -35,7 +35,7 @@ _log = logging.getLogger("actionkit")
 Future = GoalFuture[Any, Any]
 
 
-class GoalRecord:
+class ToolGoal:
     """One goal, from before it is sent until long after it ended.
 
     Attributes:
@@ -162,9 +162,9 @@ class Goals:
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
-        self._records: list[GoalRecord] = []
+        self._records: list[ToolGoal] = []
 
-    def add(self, record: GoalRecord, limit: int) -> bool:
+    def add(self, record: ToolGoal, limit: int) -> bool:
         """Add a goal; return False, and do not add it, if its action has no room."""
         with self._lock:
             if len(self.counting(record.action)) >= limit:
@@ -175,12 +175,12 @@ class Goals:
                 self._records.remove(ended[0])
             return True
 
-    def remove(self, record: GoalRecord) -> None:
+    def remove(self, record: ToolGoal) -> None:
         """Remove a goal that was not sent after all."""
         with self._lock:
             self._records.remove(record)
 
-    def counting(self, action: str | None = None) -> list[GoalRecord]:
+    def counting(self, action: str | None = None) -> list[ToolGoal]:
         """Return the goals that are in flight, or may be, the latest first."""
         return [one for one in self.latest() if one.counts and action in (None, one.action)]
 
@@ -189,7 +189,7 @@ class Goals:
         sent = set[str]().union(*(one.sent for one in self.latest()))
         return [goal for goal in there if goal.goal_id not in sent]
 
-    def latest(self) -> list[GoalRecord]:
+    def latest(self) -> list[ToolGoal]:
         """Return all that are kept, the latest first."""
         with self._lock:
             return self._records[::-1]

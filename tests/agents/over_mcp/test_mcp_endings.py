@@ -251,12 +251,12 @@ def wait_until_blocked(host: Host) -> None:
 #: The event loop stops, half a second after the first call has begun.
 _HANGING = """
 import asyncio, time
-from actionkit.agents._tool_calls.goals import GoalRecord
-over = GoalRecord.over
+from actionkit.agents._tool_calls.goals import ToolGoal
+over = ToolGoal.over
 async def over_and_hang(self, *words):
     asyncio.get_running_loop().call_later(0.5, time.sleep, 60)  # the goal is sent by now
     return await over(self, *words)
-GoalRecord.over = over_and_hang
+ToolGoal.over = over_and_hang
 """
 
 

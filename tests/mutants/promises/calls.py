@@ -26,7 +26,7 @@ MUTANTS = (
     Mutant(
         "C1.1",
         "a client needs `rclpy.init()`",
-        "_ros/sending/port.py",
+        "_ros/sending/connection.py",
         "return native.default_context() if native.default_context_is_up() else None",
         "return native.utilities.get_default_context()",
         ("client/test_call.py::test_a_call_returns_the_result",),
@@ -34,7 +34,7 @@ MUTANTS = (
     Mutant(
         "C1.2",
         "the namespace and the rules of the node do not count",
-        "_ros/sending/port.py",
+        "_ros/sending/connection.py",
         "        names = None if node is None else resolve(node, name)",
         "        names = None",
         ("client/test_node.py::test_a_node_of_another_kind_will_do",),
@@ -50,7 +50,7 @@ MUTANTS = (
     Mutant(
         "C1.2",
         "a client with a node is in the environment's domain",
-        "_ros/sending/port.py",
+        "_ros/sending/connection.py",
         "        context = _users_context(node) if domain is None else None",
         "        context = _users_context(None) if domain is None else None",
         ("client/test_node.py::test_the_domain_is_that_of_the_nodes_context",),

@@ -208,7 +208,7 @@ MUTANTS = (
         "C5.6",
         "what one server has ended counts as running there when another shows it",
         "_goal/machine.py",
-        "        self.stage = Stage.ELSEWHERE if elsewhere else Stage.ACCEPTED\n",
+        "        self.stage = Stage.ANOTHER_MAY_RUN if elsewhere else Stage.ACCEPTED\n",
         "        self.stage = Stage.ACCEPTED\n",
         (
             "unit/test_goal_machine.py::test_what_one_of_two_servers_has_ended_may_run_on_the_one_that_is_back_and_lost_again",
@@ -228,8 +228,8 @@ MUTANTS = (
         "C5.6",
         "a second server that accepts a goal after its end is not asked to cancel it",
         "_goal/machine.py",
-        "Stage.ELSEWHERE, now, now\n        return [fx.AskCancel(), ",
-        "Stage.ELSEWHERE, now, now\n        return [",
+        "Stage.ANOTHER_MAY_RUN, now, now\n        return [fx.AskCancel(), ",
+        "Stage.ANOTHER_MAY_RUN, now, now\n        return [",
         (
             "unit/test_goal_machine.py::test_what_a_third_server_accepts_after_two_have_ended_it_is_cancelled",
         ),

@@ -59,7 +59,7 @@ MUTANTS = (
         "C4.2",
         "the silence of a server lets another goal be sent",
         "_goal/facts.py",
-        "return self.lost and self.gone and not self.left",
+        "return self.lost and self.servers_gone and not self.left",
         "return self.lost and not self.left",
         ("unit/test_call_properties.py::test_it_is_waited_for_until_the_deadline",),
     ),

@@ -99,8 +99,8 @@ MUTANTS = (
         "C2.3",
         "a success is lost that was held back until another server would confirm, too",
         "_goal/cancelling.py",
-        """        if self._held is not None:
-            return self._settle_held()
+        """        if self._waiting_end is not None:
+            return self._settle_waiting_end()
         effects""",
         "        effects",
         (
@@ -252,8 +252,8 @@ MUTANTS = (
         "C2.5",
         "a cancelled call waits for another server when its own was lost",
         "_calls/sending/machine.py",
-        'why = "its caller no longer wants it" if self.unwanted else self.closing',
-        "why = self.closing",
+        'why = "its caller no longer wants it" if self.unwanted else self.closes_because',
+        "why = self.closes_because",
         (
             "unit/test_call_properties.py::test_a_cancelled_call_waits_for_no_other_server_when_its_own_is_lost",
         ),
@@ -312,15 +312,15 @@ MUTANTS = (
         "_calls/sending/session.py",
         """            else:
                 self._end_calls()
-        self.port.end_spinning()""",
-        "        self.port.end_spinning()",
+        self.connection.end_spinning()""",
+        "        self.connection.end_spinning()",
         ("client/test_shutdown.py::test_the_end_of_the_users_node_ends_its_calls[shut_down]",),
     ),
     Mutant(
         "C2.6",
         "nobody notices that the user's node was destroyed",
         "_calls/sending/session.py",
-        "            if self.port.has_node and self._node_timer is None:\n",
+        "            if self.connection.has_node and self._node_timer is None:\n",
         "            if self._closed:\n",
         ("client/test_shutdown.py::test_the_end_of_the_users_node_ends_its_calls[destroy]",),
     ),
@@ -444,8 +444,8 @@ MUTANTS = (
         "C2.8",
         "closing does not name a goal that may run",
         "_calls/at_exit/closing.py",
-        "        warn_of_goals_left(session.take_untold(), ",
-        "        warn_of_goals_left(session.take_untold() and [], ",
+        "            session.take_untold(), ",
+        "            session.take_untold() and [], ",
         ("client/test_cancel.py::test_a_silent_server_does_not_hold_up_closing",),
     ),
     Mutant(

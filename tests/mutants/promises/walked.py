@@ -118,7 +118,7 @@ MUTANTS = (
         "C4.2",
         "a guess that a server was restarted lets a goal be sent",
         "_goal/facts.py",
-        " and self.gone",
+        " and self.servers_gone",
         "",
     ),
     _found(

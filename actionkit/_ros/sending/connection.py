@@ -1,6 +1,6 @@
 """The rest of the library's access to rclpy: a link, and the thread that works on it.
 
-A port outlives its client as long as a goal may still have to be cancelled.
+A connection outlives its client as long as a goal may still have to be cancelled.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _OF_A_NODE = (
 DIED = "the communication thread of ActionKit died"
 
 
-class Port:
+class Connection:
     """One client's link and the communication thread that works on it."""
 
     def __init__(self, action_type: Any, action_name: object, node: Any = None) -> None:
@@ -68,7 +68,7 @@ class Port:
         """Set when the entities are destroyed and the runtime is released."""
         self._node: Node | None = node
         self.server_waits: set[Flag] = set()
-        """Flags that are set when the port is freed. On the communication thread, like the next."""
+        """Flags that are set when this is freed. On the communication thread, like the next."""
         self.waits_ended = False
         with _told_if_down(context):
             self.runtime = runtimes.acquire(domain.id if domain else context, self)
@@ -254,41 +254,41 @@ def _told_if_down(context: Context | None) -> Iterator[None]:
 class ServerWait:
     """One wait until goals can be sent. It lasts while this is entered as a context manager."""
 
-    def __init__(self, port: Port, seconds: float | None) -> None:
+    def __init__(self, connection: Connection, seconds: float | None) -> None:
         """Plan a wait of `seconds` (`None` means no limit); `end_waits` may end it earlier."""
         self.seconds = seconds
         self.ready = False
         """Whether goals can be sent."""
         self.over = Flag()
-        """Set when goals can be sent, when the time is over, or when the port is freed."""
-        self._port = port
+        """Set when goals can be sent, when the time is over, or when the connection is freed."""
+        self._connection = connection
         self._timer: TimerHandle | None = None
 
     def __enter__(self) -> Self:
-        self._port.runtime.call_soon(self._begin)
+        self._connection.runtime.call_soon(self._begin)
         return self
 
     def __exit__(self, *exc: object) -> None:
-        self._port.runtime.call_soon(self._end)
+        self._connection.runtime.call_soon(self._end)
 
     def _begin(self) -> None:
-        if self._port.waits_ended:
+        if self._connection.waits_ended:
             self.over.set()
             return
-        self._port.server_waits.add(self.over)
-        self._port.link.monitor.add_ready_waiter(self._tell)
-        if self._port.link.server_is_ready():
+        self._connection.server_waits.add(self.over)
+        self._connection.link.monitor.add_ready_waiter(self._tell)
+        if self._connection.link.server_is_ready():
             self._tell()
         elif self.seconds is not None:
             until = time.monotonic() + self.seconds
-            self._timer = self._port.runtime.call_at(until, self.over.set)
+            self._timer = self._connection.runtime.call_at(until, self.over.set)
 
     def _tell(self) -> None:
         self.ready = True
         self.over.set()
 
     def _end(self) -> None:
-        self._port.server_waits.discard(self.over)
-        self._port.link.monitor.remove_ready_waiter(self._tell)
+        self._connection.server_waits.discard(self.over)
+        self._connection.link.monitor.remove_ready_waiter(self._tell)
         if self._timer is not None:
-            self._port.runtime.cancel_timer(self._timer)
+            self._connection.runtime.cancel_timer(self._timer)
