@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any, Generic, Literal
 
 from typing_extensions import Never, Self
 
-from actionkit._calls.at_exit.closing import close, end_interrupted
+from actionkit._calls.awaiting.blocking_guards import refuse_in_callback, warn_on_event_loop
+from actionkit._calls.awaiting.drivers import in_thread
 from actionkit._calls.cancel_everything import cancel_everything
+from actionkit._calls.ending.closing import close, end_interrupted
 from actionkit._calls.errors.explain import invalid_goal
 from actionkit._calls.futures.feedback import callbacks_for
 from actionkit._calls.futures.future import GoalFuture
@@ -23,8 +25,6 @@ from actionkit._calls.sending.call import Call
 from actionkit._calls.sending.replacing import check_replaces
 from actionkit._calls.sending.request import Request
 from actionkit._calls.transport import transport
-from actionkit._calls.waiting.blocking_guards import refuse_in_callback, warn_on_event_loop
-from actionkit._calls.waiting.drivers import in_thread
 from actionkit._messages.convert import from_plain
 from actionkit._model.action_type import ActionT_co, ActionType, FeedbackT, GoalT, ResultT
 from actionkit._model.arguments import UNSET, Unset, check_type

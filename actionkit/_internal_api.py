@@ -22,14 +22,14 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
-from actionkit._calls.at_exit.closing import end_calls
+from actionkit._calls.awaiting.drivers import in_thread, unless_by_anyio
+from actionkit._calls.ending.closing import end_calls
 from actionkit._calls.errors.still_running import name_those_left
 from actionkit._calls.futures.future import GoalFuture
 from actionkit._calls.futures.goals_left import mute
 from actionkit._calls.ledger.chosen import usual_path as usual_ledger
 from actionkit._calls.retries.classify import Classify, check_classify
 from actionkit._calls.sending.replacing import blocks_another
-from actionkit._calls.waiting.drivers import in_thread, unless_by_anyio
 from actionkit._client import Client
 from actionkit._leftovers.ledger import unfinished as unfinished_goals
 from actionkit._leftovers.ledger import writers
@@ -73,7 +73,7 @@ def client_in_domain(
 
 def end_at_exit() -> None:
     """Shut down in order at the interpreter's exit, also without a client. Imports rclpy."""
-    from actionkit._calls.at_exit.exit import arm
+    from actionkit._calls.ending.exit import arm
 
     arm()
 

@@ -17,7 +17,7 @@ def transport() -> tuple[Any, Any]:
     """
     _check_threads()
     try:
-        from actionkit._calls.at_exit import exit as _exit
+        from actionkit._calls.ending import exit as _exit
         from actionkit._calls.sending import session as _session
         from actionkit._ros.sending import connection
     except ImportError as error:

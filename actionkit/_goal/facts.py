@@ -65,7 +65,7 @@ class GoalFacts:
         return self.lost and self.servers_gone and not self.left
 
     def blocks_another(self, *, unless_gone: bool = False, unless_unseen: bool = False) -> bool:
-        """Whether no other goal may be sent now (C4.2). Nothing else decides that.
+        """Whether no other goal may be sent now (C4.2). Each who may send one asks this.
 
         `docs/architecture.md` has a table of those who ask, and why they differ.
 

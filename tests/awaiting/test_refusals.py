@@ -10,7 +10,7 @@ import warnings
 import pytest
 
 from actionkit import ClientClosedError, GoalAbortedError, Timeouts
-from actionkit._calls.waiting import blocking_guards as blocking
+from actionkit._calls.awaiting import blocking_guards as blocking
 from tests.awaiting.conftest import LONG, QUICK
 from tests.conftest import all_is_logged
 

@@ -17,7 +17,7 @@ from test_msgs.action import Fibonacci
 
 from actionkit import Client, GoalState, RetryPolicy, Timeouts
 from actionkit._ros.communication.outbox import WINDOW
-from actionkit._ros.servers.readiness import State
+from actionkit._ros.servers_in_sight.readiness import State
 from tests.conftest import without_noise
 from tests.hunting import REPEAT
 

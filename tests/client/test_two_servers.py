@@ -15,7 +15,7 @@ import pytest
 
 import actionkit as ak
 from actionkit import CancelReport, GoalFate, GoalState, RetryPolicy, Timeouts, retry_aborted
-from actionkit._ros.servers.monitor import _IN_SIGHT_WITHIN
+from actionkit._ros.servers_in_sight.monitor import _IN_SIGHT_WITHIN
 from actionkit.servers import _process
 from tests.conftest import NEVER, all_is_logged, runs_nothing
 from tests.waiting import until

@@ -14,7 +14,7 @@ from rclpy.action import get_action_names_and_types
 from test_msgs.action import Fibonacci, NestedMessage
 
 from actionkit import ActionTypeMismatchError, Client
-from actionkit._ros.servers.readiness import _HEAD_START
+from actionkit._ros.servers_in_sight.readiness import _HEAD_START
 from actionkit._ros.tools.presence import Presence
 from actionkit.testing import FakeServer, _fake_server, isolated_domain
 

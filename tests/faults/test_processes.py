@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from actionkit._ros.servers.monitor import _IN_SIGHT_WITHIN
+from actionkit._ros.servers_in_sight.monitor import _IN_SIGHT_WITHIN
 from tests.conftest import NEVER
 from tests.faults import page
 from tests.faults.lab import (

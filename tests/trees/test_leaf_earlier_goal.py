@@ -11,7 +11,7 @@ from py_trees.common import Status
 from test_msgs.action import Fibonacci
 
 from actionkit import GoalState, RetryPolicy, Timeouts
-from actionkit._ros.servers.monitor import _IN_SIGHT_WITHIN
+from actionkit._ros.servers_in_sight.monitor import _IN_SIGHT_WITHIN
 from actionkit.servers import _process
 from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour

@@ -15,7 +15,7 @@ from py_trees.common import Status
 from test_msgs.action import Fibonacci
 
 from actionkit import GoalFuture, Timeouts
-from actionkit._calls.at_exit.closing import MARGIN
+from actionkit._calls.ending.closing import MARGIN
 from actionkit._calls.futures.call_view import GoalsOfCall
 from actionkit._goal.facts import GoalFacts
 from actionkit.testing import tick_until

@@ -93,7 +93,7 @@ class World:
     cancel_at: float = 0.0  # when the machine last asked for that
     sent_cancels: int = 0  # as `Attempt._cancels`
     first_cancel_at: float = 0.0
-    # The servers that may have it, as in `_ros.servers.monitor`.
+    # The servers that may have it, as in `_ros.servers_in_sight.monitor`.
     staying: frozenset[int] = NOBODY
     sent_to: frozenset[int] = NOBODY
     given_to: frozenset[int] = NOBODY

@@ -58,11 +58,11 @@ ROOMS_MAY_IMPORT: dict[str, dict[str, set[str]]] = {
         "ledger": set(),
         "on_signal": set(),
         "retries": set(),
-        "waiting": {"on_signal"},
-        "futures": {"errors", "on_signal", "waiting"},
-        "sending": {"errors", "futures", "ledger", "on_signal", "retries", "waiting"},
-        "at_exit": {"futures", "ledger", "on_signal", "sending"},
-        "": {"at_exit", "sending"},
+        "awaiting": {"on_signal"},
+        "futures": {"errors", "on_signal", "awaiting"},
+        "sending": {"errors", "futures", "ledger", "on_signal", "retries", "awaiting"},
+        "ending": {"futures", "ledger", "on_signal", "sending"},
+        "": {"ending", "sending"},
     },
     "_ros": {
         "rclpy_private": set(),
@@ -72,10 +72,17 @@ ROOMS_MAY_IMPORT: dict[str, dict[str, set[str]]] = {
         "answers": {"communication", "endpoints", "rclpy_private"},
         "holds": {"communication", "rclpy_private"},
         "others_goals": {"answers", "communication", "endpoints", "holds", "rclpy_private"},
-        "servers": {"answers", "communication", "endpoints", "rclpy_private"},
+        "servers_in_sight": {"answers", "communication", "endpoints", "rclpy_private"},
         "cancelling": {"answers", "communication", "endpoints", "others_goals", "rclpy_private"},
         "sending": {
-            *("answers", "cancelling", "communication", "endpoints", "rclpy_private", "servers")
+            *(
+                "answers",
+                "cancelling",
+                "communication",
+                "endpoints",
+                "rclpy_private",
+                "servers_in_sight",
+            )
         },
         "tools": {"communication", "rclpy_private", "sending"},
         "": set(),

@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import CancelReport, GoalState, RetryBudget, RetryPolicy, Verdict
-from actionkit._calls.at_exit.closing import end_interrupted
+from actionkit._calls.ending.closing import end_interrupted
 from actionkit._model import errors
 from actionkit._model.cancel_answer import CancelAnswer
 

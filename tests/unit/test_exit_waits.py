@@ -7,8 +7,8 @@ from typing import Any, cast
 
 import pytest
 
-from actionkit._calls.at_exit import exit as _exit
-from actionkit._calls.at_exit.closing import await_ends
+from actionkit._calls.ending import exit as _exit
+from actionkit._calls.ending.closing import await_ends
 from actionkit._calls.futures.future import GoalFuture
 from actionkit._calls.sending.last_request import LastRequest
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from actionkit._ros.servers.liveness import Liveness
+from actionkit._ros.servers_in_sight.liveness import Liveness
 from tests.unit.clock import Clock
 
 

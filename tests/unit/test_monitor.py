@@ -22,8 +22,8 @@ from actionkit._ros.answers.listener import GoalListener, Waiter
 from actionkit._ros.communication.runtime import Runtime
 from actionkit._ros.endpoints.entities import Entities
 from actionkit._ros.endpoints.names import ActionNames
-from actionkit._ros.servers.monitor import ServerMonitor
-from actionkit._ros.servers.restarts import SEEMS_REPLACED
+from actionkit._ros.servers_in_sight.monitor import ServerMonitor
+from actionkit._ros.servers_in_sight.restarts import SEEMS_REPLACED
 from tests.conftest import all_is_logged
 from tests.hunting import many
 from tests.unit.clock import Clock

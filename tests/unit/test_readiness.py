@@ -10,7 +10,7 @@ import pytest
 from actionkit._ros.endpoints import graph
 from actionkit._ros.endpoints.graph import Endpoint
 from actionkit._ros.endpoints.names import ActionNames
-from actionkit._ros.servers.readiness import ServerReadiness, State
+from actionkit._ros.servers_in_sight.readiness import ServerReadiness, State
 from tests.unit.clock import Clock
 
 OURS = "test_msgs/action/Fibonacci"

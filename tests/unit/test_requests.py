@@ -11,7 +11,7 @@ from actionkit._goal.stages import CONFIRMED_AFTER
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.cancelling.cancels import CancelWindow
 from actionkit._ros.sending.requests import ServiceRequests
-from actionkit._ros.servers.readiness import UNNAMED
+from actionkit._ros.servers_in_sight.readiness import UNNAMED
 from tests.unit import clock
 from tests.unit.call_life import CallLife
 

@@ -6,7 +6,7 @@ from itertools import count
 
 import pytest
 
-from actionkit._ros.servers.restarts import RestartDetector
+from actionkit._ros.servers_in_sight.restarts import RestartDetector
 from actionkit._threads.clock import TimerGroup
 from tests.unit.clock import Clock
 

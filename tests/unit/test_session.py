@@ -13,7 +13,7 @@ from typing import Any, cast
 import pytest
 
 from actionkit import GoalState, RetryBudget, RetryPolicy, Timeouts, retry_aborted
-from actionkit._calls.at_exit.closing import end_calls
+from actionkit._calls.ending.closing import end_calls
 from actionkit._calls.futures.goals_left import LINGER
 from actionkit._calls.sending.attempt import Attempt, CallForgotten
 from actionkit._calls.sending.request import Request

@@ -8,8 +8,8 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator
 from typing import Generic
 
+from actionkit._calls.awaiting.drivers import find_driver
 from actionkit._calls.futures.feedback import KEPT
-from actionkit._calls.waiting.drivers import find_driver
 from actionkit._messages.lazy import UndecodableError
 from actionkit._model.action_type import FeedbackT
 from actionkit._threads.waiting import Flag, taken_from

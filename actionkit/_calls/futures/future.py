@@ -13,12 +13,12 @@ from typing import Any, Generic, cast
 
 from typing_extensions import Never, Self
 
+from actionkit._calls.awaiting.awaiters import Awaiters
 from actionkit._calls.futures.call_view import CallIsOver, CallView, GoalsKeeper
 from actionkit._calls.futures.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.futures.goals_left import tell_of_goals_left
 from actionkit._calls.futures.live_goal import LiveGoal
 from actionkit._calls.on_signal.signals import is_ending
-from actionkit._calls.waiting.awaiting import Awaiters
 from actionkit._goal.effects import End
 from actionkit._model.action_type import FeedbackT, ResultT
 from actionkit._model.errors import ActionKitError, ClientClosedError

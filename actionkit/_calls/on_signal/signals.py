@@ -55,7 +55,7 @@ def _nothing(hurry: Callable[[], bool]) -> None:
 
 
 cancel_goals: Callable[[Callable[[], bool]], None] = _nothing
-"""Cancels all goals and waits for that. `_calls.at_exit.exit` sets it; importing that module here
+"""Cancels all goals and waits for that. `_calls.ending.exit` sets it; importing that module here
 would import rclpy."""
 
 

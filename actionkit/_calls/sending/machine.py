@@ -123,7 +123,7 @@ class CallMachine:
     # --- may another goal be sent? ---------------------------------------------------------
 
     def may_send(self) -> bool:
-        """Whether another goal of this call may be sent now. Nothing else decides this (C4.2)."""
+        """Whether another goal of this call may be sent now: this has the last word (C4.2)."""
         return all(self._allows_another(earlier) for earlier in self.earlier)
 
     def _allows_another(self, earlier: AttemptView) -> bool:

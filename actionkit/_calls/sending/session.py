@@ -15,6 +15,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
+from actionkit._calls.awaiting.drivers import find_driver
 from actionkit._calls.errors.error_texts import CLIENT_CLOSED, ENDING
 from actionkit._calls.errors.graph_snapshot import GraphSnapshot
 from actionkit._calls.futures.future import GoalFuture
@@ -24,7 +25,6 @@ from actionkit._calls.sending.attempt import Attempt, CallForgotten
 from actionkit._calls.sending.call import Call
 from actionkit._calls.sending.last_request import LastRequest
 from actionkit._calls.sending.request import Request
-from actionkit._calls.waiting.drivers import find_driver
 from actionkit._goal.facts import GoalFacts
 from actionkit._goal.stages import CancelReason, Stage
 from actionkit._model.errors import ClientClosedError

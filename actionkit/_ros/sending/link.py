@@ -22,7 +22,7 @@ from actionkit._ros.communication.runtime import Runtime
 from actionkit._ros.endpoints.entities import Entities
 from actionkit._ros.endpoints.names import ActionNames
 from actionkit._ros.sending.requests import ServiceRequests
-from actionkit._ros.servers.monitor import ServerMonitor
+from actionkit._ros.servers_in_sight.monitor import ServerMonitor
 
 _MAY_BE_DEAD_AFTER = 0.1
 """Seconds; if a server does not answer for so long, it may have been stopped or killed."""

@@ -20,7 +20,7 @@ from actionkit._ros.cancelling.cancels import CancelQueue, CancelWindow
 from actionkit._ros.communication.runtime import Runtime
 from actionkit._ros.endpoints.entities import Entities
 from actionkit._ros.rclpy_private.wait_set import Source
-from actionkit._ros.servers.readiness import UNNAMED
+from actionkit._ros.servers_in_sight.readiness import UNNAMED
 
 _UUIDS = 64
 """Cached messages; several times as many as there are requests on their way."""

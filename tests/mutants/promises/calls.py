@@ -74,7 +74,7 @@ MUTANTS = (
     Mutant(
         "C1.4",
         "the first of two tasks that is cancelled cancels the goal of the other",
-        "_calls/waiting/awaiting.py",
+        "_calls/awaiting/awaiters.py",
         "        return not self._waiting and cancel() is not False",
         "        return cancel() is not False",
         ("awaiting/test_asyncio_forms.py::test_two_tasks",),
@@ -82,7 +82,7 @@ MUTANTS = (
     Mutant(
         "C1.4",
         "the goal goes on where asyncio did not take the future as a coroutine",
-        "_calls/waiting/awaiting.py",
+        "_calls/awaiting/awaiters.py",
         "        if not self._waiting:\n            cancel()",
         "        return",
         ("awaiting/test_asyncio_forms.py::test_a_closed_loop",),
@@ -98,7 +98,7 @@ MUTANTS = (
     Mutant(
         "C1.4",
         "under trio, a cancelled task ends before its goal has stopped",
-        "_calls/waiting/drivers.py",
+        "_calls/awaiting/drivers.py",
         "            await self.wait(flag)\n\n\ndef find_driver",
         "            pass\n\n\ndef find_driver",
         ("awaiting/test_anyio_trio_forms.py::test_trio",),
@@ -106,7 +106,7 @@ MUTANTS = (
     Mutant(
         "C1.4",
         "a task that awaits a goal polls",
-        "_calls/waiting/drivers.py",
+        "_calls/awaiting/drivers.py",
         "                    await woken\n",
         """                    while not woken.done():
                         await self._asyncio.sleep(0)
@@ -140,7 +140,7 @@ MUTANTS = (
     Mutant(
         "C1.5",
         "a cancelled task leaves its goal running",
-        "_calls/waiting/awaiting.py",
+        "_calls/awaiting/awaiters.py",
         "                cancelled = self._stop(waiting, cancel)",
         "                self._waiting.discard(waiting)",
         ("client/test_asyncio.py::test_cancelling_the_task_cancels_the_goal",),
@@ -304,7 +304,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "closing does not wait for the server's confirmation",
-        "_calls/at_exit/closing.py",
+        "_calls/ending/closing.py",
         "        await_ends(awaited, grace)\n    except",
         "        await_ends(awaited, 0.0)\n    except",
         ("client/test_cancel.py::test_closing_settles_what_is_in_flight",),
@@ -312,7 +312,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "goals are left running at the interpreter's exit",
-        "_calls/at_exit/exit.py",
+        "_calls/ending/exit.py",
         "    atexit.register(close_all)\n",
         "",
         ("client/test_exit.py::test_exit[while it runs-0]",),
@@ -320,7 +320,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "the interpreter's exit does not wait for confirmations",
-        "_calls/at_exit/exit.py",
+        "_calls/ending/exit.py",
         "    _await_freed(sessions, began, end_calls(sessions))\n",
         "    end_calls(sessions)\n",
         ("client/test_exit.py::test_the_exit_waits_for_a_goal_that_may_be_accepted_late",),
@@ -328,7 +328,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "a silent server holds up the interpreter's exit",
-        "_calls/at_exit/exit.py",
+        "_calls/ending/exit.py",
         "min(confirmed_at, began + LONGEST_GRACE)) + grace",
         "min(confirmed_at, began + LONGEST_GRACE)) + LONGEST_GRACE",
         ("client/test_exit.py::test_a_silent_server_does_not_hold_up_the_exit[exit]",),
@@ -336,7 +336,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "the middleware crashes the exit, as its threads still run",
-        "_calls/at_exit/exit.py",
+        "_calls/ending/exit.py",
         "    runtimes.end_all(FREEING_TIMEOUT, at_once=at_once)",
         "    return",
         ("client/test_exit.py::test_exit[the client was interrupted while it was made-0]",),
@@ -344,7 +344,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "closing cuts off callbacks that are due",
-        "_calls/at_exit/closing.py",
+        "_calls/ending/closing.py",
         "dues.finish(time.monotonic() + patience(session.cancel_grace))",
         "dues.finish(time.monotonic())",
         ("client/test_due_callbacks.py::test_a_done_callback_is_finished[at the closing]",),
@@ -352,7 +352,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "the exit cuts off callbacks that are due",
-        "_calls/at_exit/exit.py",
+        "_calls/ending/exit.py",
         "        _is_interrupted(partial(_in_hand.finish_all, until, _in_hand.CALLBACKS))",
         "        pass",
         ("client/test_due_callbacks.py::test_a_done_callback_is_finished[at the exit]",),
@@ -360,7 +360,7 @@ MUTANTS = (
     Mutant(
         "C1.10",
         "the exit waits again for a callback, though Ctrl-C has ended that wait in `close()`",
-        "_calls/at_exit/closing.py",
+        "_calls/ending/closing.py",
         "        session.callbacks.dues.end()\n",
         "        pass\n",
         ("client/test_due_callbacks.py::test_ctrl_c_ends_the_wait[at the closing]",),
@@ -464,7 +464,7 @@ MUTANTS = (
     Mutant(
         "C1.12",
         "a forked child frees at its exit what belongs to its parent",
-        "_calls/at_exit/exit.py",
+        "_calls/ending/exit.py",
         "    open_sessions.clear()\n",
         "",
         ("client/test_exit.py::test_exit[in a child that was forked-0]",),
@@ -472,7 +472,7 @@ MUTANTS = (
     Mutant(
         "C1.13",
         "a goal goes on where nothing could go on with the coroutine that awaits it",
-        "_calls/waiting/awaiting.py",
+        "_calls/awaiting/awaiters.py",
         "            self._stop(waiting, cancel)\n            return\n        cancelled = False",
         "            return\n        cancelled = False",
         ("awaiting/test_rclpy_forms.py::test_a_future_that_is_driven_by_hand",),
@@ -528,7 +528,7 @@ MUTANTS = (
     Mutant(
         "C1.14",
         "the timeout of `wait_accepted_async` cancels the goal",
-        "_calls/waiting/awaiting.py",
+        "_calls/awaiting/awaiters.py",
         "            self._waiting.discard(waiting)\n            return driver.was_cancelled",
         "            self._stop(waiting, cancel)\n            return driver.was_cancelled",
         ("awaiting/test_wait_accepted.py::test_its_own_timeout_leaves_the_goal_alone",),

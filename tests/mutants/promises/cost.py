@@ -56,7 +56,7 @@ MUTANTS = (
     Mutant(
         "C7.4",
         "a call that waits for a server looks for it ten times a second",
-        "_ros/servers/readiness.py",
+        "_ros/servers_in_sight/readiness.py",
         "_GRAPH_PERIOD = 1.0\n",
         "_GRAPH_PERIOD = 0.1\n",
         ("test_cost_shape.py::test_who_waits_for_a_server_is_woken_once_a_second",),

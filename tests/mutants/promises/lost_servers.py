@@ -8,7 +8,7 @@ MUTANTS = (
     Mutant(
         "C5.1",
         "a goal is not lost with its server",
-        "_ros/servers/monitor.py",
+        "_ros/servers_in_sight/monitor.py",
         "            self._lose(listener, goal, gone, reason)\n",
         "            pass\n",
         ("unit/test_monitor.py::test_goals_are_lost_with_the_last_server_that_may_have_them",),
@@ -26,7 +26,7 @@ MUTANTS = (
     Mutant(
         "C5.1",
         "a call whose goal waits for its turn is not told that the server is gone",
-        "_ros/servers/monitor.py",
+        "_ros/servers_in_sight/monitor.py",
         "                waiter.on_server_lost(reason)\n",
         "                pass\n",
         ("unit/test_monitor.py::test_goals_are_lost_with_the_last_server_that_may_have_them",),
@@ -34,7 +34,7 @@ MUTANTS = (
     Mutant(
         "C5.2",
         "a restart is never noticed",
-        "_ros/servers/restarts.py",
+        "_ros/servers_in_sight/restarts.py",
         "if max(self._answers.values(), default=0) == 1:",
         "if False:",
         ("unit/test_restarts.py::test_what_the_answers_tell",),
@@ -42,7 +42,7 @@ MUTANTS = (
     Mutant(
         "C5.2",
         "the goals of a server that was restarted are not told so",
-        "_ros/servers/monitor.py",
+        "_ros/servers_in_sight/monitor.py",
         "                self._lose(listener, goal, replaced, SEEMS_REPLACED)\n",
         "",
         (
@@ -61,7 +61,7 @@ MUTANTS = (
     Mutant(
         "C5.2",
         "a lost goal is not asked about at the server that took its place",
-        "_ros/servers/monitor.py",
+        "_ros/servers_in_sight/monitor.py",
         "listener.on_server_ready()  # the new one",
         "pass  # the new one",
         (
@@ -71,7 +71,7 @@ MUTANTS = (
     Mutant(
         "C5.3",
         "a node that only publishes feedback counts as a server",
-        "_ros/servers/readiness.py",
+        "_ros/servers_in_sight/readiness.py",
         "self._not_serving = frozenset(end.gid for end in ours if not end.serves)",
         "self._not_serving = frozenset()",
         ("unit/test_readiness.py::test_a_player_is_no_server",),
@@ -79,7 +79,7 @@ MUTANTS = (
     Mutant(
         "C5.3",
         "nobody looks again where the graph shows later than the event who has gone",
-        "_ros/servers/readiness.py",
+        "_ros/servers_in_sight/readiness.py",
         "        self._compare_later(_FIRST_STEP, self._matched_at)\n",
         "",
         ("unit/test_readiness.py::test_a_graph_that_is_behind_when_a_server_goes",),
@@ -105,7 +105,7 @@ MUTANTS = (
     Mutant(
         "C5.4",
         "a server that is out of sight for a moment after a standstill is gone",
-        "_ros/servers/monitor.py",
+        "_ros/servers_in_sight/monitor.py",
         "held = self._timers.now() < self._held_until",
         "held = False",
         (
@@ -115,7 +115,7 @@ MUTANTS = (
     Mutant(
         "C5.4",
         "a server that stays away after a standstill is never gone",
-        "_ros/servers/monitor.py",
+        "_ros/servers_in_sight/monitor.py",
         "            self._tell_who_has_them()\n            self._lose_all(gone)",
         "            self._tell_who_has_them()",
         ("unit/test_monitor.py::test_one_that_stays_away_after_a_standstill_is_gone",),
@@ -165,7 +165,7 @@ MUTANTS = (
     Mutant(
         "C5.5",
         "a busy server is taken for restarted because another one answers",
-        "_ros/servers/monitor.py",
+        "_ros/servers_in_sight/monitor.py",
         "replaced = frozenset(gid for gid in goal.servers if nodes.get(gid) in newer)",
         "replaced = goal.servers if newer else frozenset()",
         ("unit/test_monitor.py::test_a_server_that_may_live_is_not_taken_for_restarted",),
@@ -173,7 +173,7 @@ MUTANTS = (
     Mutant(
         "C5.5",
         "a server that is too busy to answer never gets a goal",
-        "_ros/servers/readiness.py",
+        "_ros/servers_in_sight/readiness.py",
         "            self._become_ready()\n            return\n",
         "            return\n",
         ("unit/test_readiness.py::test_a_server_that_answers_nothing_is_busy_not_deaf",),
@@ -181,7 +181,7 @@ MUTANTS = (
     Mutant(
         "C5.6",
         "two servers on one name are warned of again and again",
-        "_ros/servers/monitor.py",
+        "_ros/servers_in_sight/monitor.py",
         "            self._warned = True\n",
         "",
         ("unit/test_monitor.py::test_several_servers_are_warned_of_once_with_their_nodes",),
@@ -189,7 +189,7 @@ MUTANTS = (
     Mutant(
         "C5.6",
         "two servers on one name are not warned of",
-        "_ros/servers/monitor.py",
+        "_ros/servers_in_sight/monitor.py",
         "self._timers.call_at(self._timers.now() + _NAMING, self._warn_of_several)",
         "pass",
         ("unit/test_monitor.py::test_several_servers_are_warned_of_once_with_their_nodes",),
@@ -291,7 +291,7 @@ MUTANTS = (
     Mutant(
         "C5.7",
         "the successor of a restarted server speaks for it",
-        "_ros/servers/monitor.py",
+        "_ros/servers_in_sight/monitor.py",
         "                goal.sent_to -= replaced\n",
         "",
         (

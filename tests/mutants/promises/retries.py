@@ -127,7 +127,7 @@ MUTANTS = (
     Mutant(
         "C4.2",
         "a server that seems replaced counts as gone while it is in the graph",
-        "_ros/servers/monitor.py",
+        "_ros/servers_in_sight/monitor.py",
         "given_to - len(goal.given_to & present)",
         "given_to - len(goal.servers & present)",
         (

@@ -209,7 +209,7 @@ MUTANTS = (
     Mutant(
         "C2.5",
         "Ctrl-C in a blocking call does not cancel the goal",
-        "_calls/at_exit/closing.py",
+        "_calls/ending/closing.py",
         "    call.request_cancel(urgent=True)\n",
         "",
         ("client/test_interrupt.py::test_ctrl_c_in_a_blocking_call[plain]",),
@@ -217,7 +217,7 @@ MUTANTS = (
     Mutant(
         "C2.5",
         "the goal of a human who waits is cancelled after others",
-        "_calls/at_exit/closing.py",
+        "_calls/ending/closing.py",
         "    call.request_cancel(urgent=True)\n",
         "    call.request_cancel()\n",
         (
@@ -235,7 +235,7 @@ MUTANTS = (
     Mutant(
         "C2.5",
         "Ctrl-C does not wait for the confirmation of the cancel",
-        "_calls/at_exit/closing.py",
+        "_calls/ending/closing.py",
         "_await_ends([session], [future], session.cancel_grace)",
         "_await_ends([session], [future], 0.0)",
         ("client/test_interrupt.py::test_ctrl_c_in_a_blocking_call[plain]",),
@@ -261,7 +261,7 @@ MUTANTS = (
     Mutant(
         "C2.5",
         "closing waits again after Ctrl-C has ended such a wait",
-        "_calls/at_exit/closing.py",
+        "_calls/ending/closing.py",
         "    hurry = any(session.was_interrupted for session in sessions)\n",
         "    hurry = False\n",
         ("unit/test_session.py::test_closing_does_not_wait_after_ctrl_c_has_ended_such_a_wait",),
@@ -327,7 +327,7 @@ MUTANTS = (
     Mutant(
         "C2.6",
         "a program that is told to end does not warn of goals that may run",
-        "_calls/at_exit/exit.py",
+        "_calls/ending/exit.py",
         "    finally:\n        warn_of_goals_left(_give_up_waiting(sessions))\n",
         "    finally:\n        _give_up_waiting(sessions)\n",
         ("client/test_exit.py::test_a_silent_server_does_not_hold_up_the_exit[SIGTERM]",),
@@ -335,7 +335,7 @@ MUTANTS = (
     Mutant(
         "C2.6",
         "a program that is told to end does not wait for confirmations",
-        "_calls/at_exit/exit.py",
+        "_calls/ending/exit.py",
         "while any(session.calls or session.confirming for session in sessions) and not hurry():",
         "while False:",
         (
@@ -425,7 +425,7 @@ MUTANTS = (
     Mutant(
         "C2.8",
         "Ctrl-C does not tell which goals may run",
-        "_calls/at_exit/closing.py",
+        "_calls/ending/closing.py",
         "    future._tell_of_goals_left(error)\n",
         "",
         ("client/test_interrupt.py::test_ctrl_c_tells_at_once_what_may_still_run[1]",),
@@ -443,7 +443,7 @@ MUTANTS = (
     Mutant(
         "C2.8",
         "closing does not name a goal that may run",
-        "_calls/at_exit/closing.py",
+        "_calls/ending/closing.py",
         "            session.take_untold(), ",
         "            session.take_untold() and [], ",
         ("client/test_cancel.py::test_a_silent_server_does_not_hold_up_closing",),
@@ -459,7 +459,7 @@ MUTANTS = (
     Mutant(
         "C2.8",
         "the error of a cancelled task does not name the goal that may run",
-        "_calls/waiting/awaiting.py",
+        "_calls/awaiting/awaiters.py",
         "                tell(error)\n",
         "                pass\n",
         ("client/test_asyncio.py::test_a_cancelled_task_is_told_at_once_what_may_still_run",),
@@ -467,7 +467,7 @@ MUTANTS = (
     Mutant(
         "C2.8",
         "a second Ctrl-C does not tell what may run",
-        "_calls/at_exit/closing.py",
+        "_calls/ending/closing.py",
         "        future._tell_of_goals_left(second)\n        raise",
         "        raise",
         ("client/test_interrupt.py::test_ctrl_c_tells_at_once_what_may_still_run[2]",),

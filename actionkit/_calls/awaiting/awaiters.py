@@ -8,7 +8,7 @@ from collections.abc import Callable, Coroutine, Iterator
 from functools import partial
 from typing import Any
 
-from actionkit._calls.waiting.drivers import Driver, find_driver
+from actionkit._calls.awaiting.drivers import Driver, find_driver
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.event_loop import running_task
 from actionkit._threads.function_runner import Scheduler

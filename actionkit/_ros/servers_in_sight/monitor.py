@@ -19,10 +19,10 @@ from actionkit._ros.endpoints import graph
 from actionkit._ros.endpoints.entities import Entities
 from actionkit._ros.endpoints.names import ActionNames
 from actionkit._ros.rclpy_private.native import RCLError
-from actionkit._ros.servers.found_by_server import FoundByServer
-from actionkit._ros.servers.liveness import Liveness
-from actionkit._ros.servers.readiness import UNNAMED, ServerReadiness
-from actionkit._ros.servers.restarts import SEEMS_REPLACED, RestartDetector
+from actionkit._ros.servers_in_sight.found_by_server import FoundByServer
+from actionkit._ros.servers_in_sight.liveness import Liveness
+from actionkit._ros.servers_in_sight.readiness import UNNAMED, ServerReadiness
+from actionkit._ros.servers_in_sight.restarts import SEEMS_REPLACED, RestartDetector
 from actionkit._threads.clock import TimerGroup
 from actionkit._threads.diagnostics import log_later
 

@@ -10,7 +10,7 @@ import uuid
 from collections.abc import Callable
 from functools import cache, partial
 
-from actionkit._calls.at_exit.closing import FREEING_TIMEOUT, OBSERVERS_TIMEOUT, end_calls
+from actionkit._calls.ending.closing import FREEING_TIMEOUT, OBSERVERS_TIMEOUT, end_calls
 from actionkit._calls.futures.goals_left import warn_of_goals_left
 from actionkit._calls.ledger import chosen as ledgers
 from actionkit._calls.on_signal import signals
