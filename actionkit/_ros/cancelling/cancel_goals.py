@@ -99,7 +99,7 @@ def cancel_goals(
             else:
                 looked = now - complete >= least
             if looked and last is None:
-                last = now + _ANSWER * any(action.every for action in actions)
+                last = now + _ANSWER
                 for action in actions:
                     action.once_more()
             for name, canceller in cancellers.items():

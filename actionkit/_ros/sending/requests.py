@@ -30,7 +30,7 @@ _ASKS_AT_ONCE = 4
 """Repeated result requests at once: half of a server's queue (R3), because others ask, too."""
 _ASK_PAUSE = 0.01
 """Seconds between two such groups; a live server has answered the earlier group by then."""
-_REMEMBERED = 100
+_REMEMBERED = 64
 """Released goals that another server may still accept: the newest. A server that is busy keeps only
 10 requests (R3)."""
 
