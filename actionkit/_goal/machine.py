@@ -300,8 +300,10 @@ class Goal(CancellableGoal):
         self._waiting_end = None
         self._terminal_seen = status
         effects.append(self._enter(status))
-        end, kept = _ENDS.get(status, fx.End.CANCELED_BY_OTHER), result
-        canceled, why = status is GoalState.CANCELED, self.cancel_reason
+        canceled = status is GoalState.CANCELED
+        if canceled and ours and facts.servers > 1 and self._refused_reason is not None:
+            effects += self._cancel_accepted(now)  # by another server; its answer may come later
+        end, kept, why = _ENDS.get(status, fx.End.CANCELED_BY_OTHER), result, self.cancel_reason
         if canceled and why is CancelReason.CANCELLED:
             end = fx.End.CANCELLED_BY_CALLER
         elif why is CancelReason.DEADLINE or (why is not None and canceled and ours):

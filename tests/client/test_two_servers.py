@@ -110,6 +110,26 @@ def test_who_cancels_waits_for_both_servers(action_server, make_client):
 
 
 @pytest.mark.long
+def test_a_server_that_accepts_after_the_other_has_refused_to_cancel_is_told_to(
+    action_server, make_client
+):
+    """A refusal that is believed does not end the wish to cancel (C2.4)."""
+    refuses = action_server("refuses_cancel", period=0.1)
+    slow = action_server("slow_accept", gate=1, period=0.1)
+    client = make_client(retry=ONCE, timeouts=Timeouts(cancel=1.0))
+    assert sees(client, 2)
+    future = client.call_async({"order": 50})
+    refuses.wait_for("executing")
+    future.cancel()
+    until(lambda: any(event.cancel_refused for event in future.timeline))
+    assert not future.done()
+    slow.release()
+    slow.wait_for("canceled", goal_id=str(future.goal_id))
+    assert runs_nothing(slow)
+    assert isinstance(future.exception(10), ak.DeadlineExceededError)  # nobody else cancelled it
+
+
+@pytest.mark.long
 def test_closing_names_each_goal_that_only_one_of_two_servers_has_cancelled(
     action_server, make_client, caplog, monkeypatch
 ):

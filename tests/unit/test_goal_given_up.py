@@ -611,6 +611,28 @@ def test_a_server_that_accepts_after_the_refusal_of_another_one_is_asked_to_canc
     assert AskCancel() in goal.accepted(5.0)
 
 
+@pytest.mark.parametrize("answered_first", [True, False])
+def test_what_another_server_cancels_after_a_refusal_was_cancelled_by_its_caller(
+    answered_first: bool,
+) -> None:
+    """Also if the result comes before the answer to the request to cancel it."""
+    goal = on_two()
+    goal.give_up(CancelReason.CANCELLED, 1.0)
+    goal.accepted(1.1)
+    goal.cancel_answered(CancelAnswer.REFUSED, 1.2, asked_at=1.0)
+    goal.timer(Timer.CANCEL, 4.0)
+    goal.accepted(5.0)
+    if answered_first:
+        goal.cancel_answered(CancelAnswer.ACCEPTED, 5.1, asked_at=5.0)
+    effects = goal.result(GoalState.CANCELED, None, 5.1, asked_at=5.0, everybody=False)
+    assert not goal.settled  # the one that has refused runs it
+    assert answered_first or Arm(Timer.CANCEL, 7.1) in effects
+    (ended,) = goal.timer(Timer.CANCEL, 7.1)
+    assert isinstance(ended, Settle)
+    assert ended.ending.end is End.CANCELLED_BY_CALLER
+    assert ended.ending.elsewhere
+
+
 def test_a_caller_who_cancels_again_after_a_refusal_asks_again() -> None:
     life = refused()
     assert life.goal.cancel_reason is None
