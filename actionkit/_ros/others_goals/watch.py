@@ -135,29 +135,31 @@ def goals_seen(
     `place` is that of `runtimes.acquire`. A server that never had a goal sends no status. At the
     monotonic time `until`, what has come by then is returned.
     """
-    told: dict[tuple[bytes, int, int, int], None] = {}
+    arrays: list[Stamped] = []
     joined, heard = False, math.inf
     topic = TopicReader(place, status_topic, _TYPE, GoalStatusArray, depth=_DEPTH)
     with closing(topic) as reader:
         found_by = reader.runtime.in_graph_since + DISCOVERY
         ends = max(time.monotonic() + FIRST, found_by)
-        for arrays in reader.arriving(stopped):
+        for told in reader.arriving(stopped):
             now = time.monotonic()
-            if arrays:
-                heard = min(heard, now)
-            told |= dict.fromkeys(goal for _, array in arrays for goal in goals(array))
-            silent = heard == math.inf
-            if silent and not joined and reader.joined >= max(1, reader.publishers):
+            if told and not arrays:
+                heard = now
+            arrays += told
+            if not arrays and not joined and reader.joined >= max(1, reader.publishers):
                 joined = True  # a kept status would come now
                 ends = now + FIRST
             # What has ended on one of several servers may run on another.
             enough = heard + (SETTLE if reader.publishers < 2 else FIRST)
             if now >= min(ends, enough, until) or (
-                now >= found_by and not reader.publishers and silent
+                now >= found_by and not reader.publishers and not arrays
             ):
                 break
+    # Servers whose clock stands still stamp alike: of these, what was published last counts.
+    in_order = (goal for _, array in sorted(arrays) for goal in goals(array))
+    newest = {goal[:3]: goal for goal in in_order}
     board = Board(most=math.inf)
-    board.take([_seen(*goal) for goal in told], time.time())
+    board.take([_seen(*goal) for goal in newest.values()], time.time())
     return board.sorted()
 
 
