@@ -938,6 +938,8 @@ def test_a_goal_that_was_refused_and_ends_by_itself_is_not_waited_for():
     action.to_ask_singly(1.0)
     answers(action, FIRST, CancelAnswer.REFUSED, 1.1)
     action.settle(5.0, over=False)
+    action.take_news((), 0.0)
+    assert not action.done, "its server may come into sight again"
     shows(action, FIRST, "SUCCEEDED")
     assert action.done
     action.settle(5.1, over=True)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import copy
 import random
 import uuid
-from collections import deque
 from dataclasses import astuple, dataclass, field
 from types import SimpleNamespace
 from typing import Any
@@ -25,6 +24,8 @@ from actionkit._goal.machine import Goal
 from actionkit._goal.stages import CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.values import GoalState, Verdict
+from tests.unit import exploring
+from tests.unit.exploring import Broken
 
 NO, UNSEEN, SEEN, ENDED, STOPPED = "-uret"
 """What a server does with a goal: nothing, runs it (untold, or told), has ended it and not told,
@@ -65,10 +66,6 @@ class Replacement:
 
 TAKEN = Replacement("taken", SimpleNamespace(accepted=True))
 REFUSED = Replacement("refused", SimpleNamespace(accepted=False))
-
-
-class Broken(Exception):
-    """A promise does not hold."""
 
 
 def may_run(undecided: int, does: str) -> bool:
@@ -728,31 +725,7 @@ def explore(
     resend: str, attempts: int, servers: int, most: int = 2_000_000, kind: type[World] = World
 ) -> tuple[int, int]:
     """Return how many states and transitions there are."""
-    first = kind(resend, attempts, servers)
-    parents: dict[Any, Any] = {first.key(): None}
-    queue, transitions = deque([(first, first.key())]), 0
-    while queue:
-        world, key = queue.popleft()
-        for event, arg in list(world.events()):
-            after = world.copy()
-            transitions += 1
-            try:
-                after.happens(event, arg)
-                new = after.key()
-                if new in parents:
-                    continue
-                after.check()
-            except Broken as problem:
-                way = [f"{event} {arg}"]
-                while parents[key]:
-                    key, step = parents[key]
-                    way.append(step)
-                raise Broken(f"{problem}\n   after: " + "; ".join(reversed(way))) from None
-            parents[new] = key, f"{event} {arg}"
-            queue.append((after, new))
-            if len(parents) >= most:
-                return len(parents), transitions
-    return len(parents), transitions
+    return exploring.explore(kind(resend, attempts, servers), most)
 
 
 def _weight(event: tuple[str, Any]) -> float:
@@ -784,7 +757,7 @@ def hunt(
         world, way = kind(resend, attempts, servers), []
         while len(way) < LONGEST_WALK and (events := list(world.events())):
             ((event, arg),) = chance.choices(events, list(map(_weight, events)))
-            way.append(f"{event} {arg}")
+            way.append(exploring.step_of((event, arg)))
             steps += 1
             try:
                 world.happens(event, arg)

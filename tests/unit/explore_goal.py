@@ -12,7 +12,6 @@ from __future__ import annotations
 import copy
 import random
 import uuid
-from collections import deque
 from dataclasses import astuple, dataclass, replace
 from typing import Any, NamedTuple
 
@@ -22,6 +21,7 @@ from actionkit._goal.machine import Goal
 from actionkit._goal.stages import CONFIRMED_AFTER, CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.values import GoalState
+from tests.unit.exploring import Broken, explore, step_of
 
 NONE, TAKING, RUNS, CANCELING, ENDED, CANCELED, FORGOTTEN = "-trceCf"
 """What a server does with the goal. While one of its threads takes it, the others do not know it
@@ -45,10 +45,6 @@ PAUSES = (4, 8, 30, 60, 120, 240, 300)
 LONGEST_WALK = 60
 NOT_IN_KEY = ("facts", "_timeouts", "_reask_after", "_waiting_end", "_phase", "state", "_latest")
 NOBODY: frozenset[int] = frozenset()
-
-
-class Broken(Exception):
-    """A promise does not hold."""
 
 
 class Server(NamedTuple):
@@ -683,35 +679,6 @@ def begin(
     return world
 
 
-def explore(first: World, most: int = 2_000_000) -> tuple[int, int]:
-    """Return how many states and transitions there are."""
-    parents: dict[Any, Any] = {first.key(): None}
-    queue, transitions = deque([(first, first.key())]), 0
-    while queue:
-        world, key = queue.popleft()
-        for event, arg in world.events():
-            after = world.copy()
-            transitions += 1
-            step = event if arg is None else f"{event} {arg}"
-            try:
-                after.happens(event, arg)
-                new = after.key()
-                if new in parents:
-                    continue
-                after.check()
-            except Broken as problem:
-                way = [step]
-                while parents[key]:
-                    key, before = parents[key]
-                    way.append(before)
-                raise Broken(f"{problem}\n   after: " + "; ".join(reversed(way))) from None
-            parents[new] = key, step
-            queue.append((after, new))
-            if len(parents) >= most:
-                return len(parents), transitions
-    return len(parents), transitions
-
-
 def _weight(event: tuple[str, Any]) -> float:
     """Let a walk be long: what ends a goal or takes away a server comes seldom."""
     name, arg = event
@@ -729,7 +696,7 @@ def hunt(first: World, walks: int, seed: int = 0) -> int:
         world, way = first.copy(), []
         while len(way) < LONGEST_WALK and (events := world.events()):
             ((event, arg),) = chance.choices(events, list(map(_weight, events)))
-            way.append(event if arg is None else f"{event} {arg}")
+            way.append(step_of((event, arg)))
             steps += 1
             try:
                 world.happens(event, arg)

@@ -13,7 +13,8 @@ from actionkit import Timeouts
 from actionkit._goal.effects import Timer
 from actionkit._goal.stages import CancelReason
 from tests.hunting import many
-from tests.unit.explore_goal import begin, explore, hunt
+from tests.unit.explore_goal import begin, hunt
+from tests.unit.exploring import explore
 
 SMALL = 250
 """States, those that are reached soonest."""
