@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -185,6 +186,22 @@ def test_two_servers_give_one_outcome_and_one_warning(action_server, make_client
     assert all_is_logged()
     warnings = [r for r in caplog.records if "servers" in r.getMessage()]
     assert len(warnings) == 1
+
+
+def test_servers_that_come_at_one_moment_count_once(action_server, make_client):
+    """Fast DDS may tell of both in its first event, and then of the second one again."""
+    action_server("twins")
+    client = make_client()
+    link = client._session.connection.link
+    assert until(lambda: len(link.readiness.servers) == 2 and link.readiness.ready)
+
+    def tell_again() -> int:
+        event = SimpleNamespace(total_count=2, total_count_change=1, current_count=2)
+        link._entities.matched.use(SimpleNamespace(take_data=lambda: event))
+        link._entities.matched.take()
+        return len(link.readiness.servers)
+
+    assert client._session.connection.runtime.run(tell_again) == 2
 
 
 def test_both_servers_see_the_cancel(action_server, make_client):

@@ -68,6 +68,9 @@ class Entities:
         self._subscriptions: list[Subscription] = []
         self._best_effort = False
         """Whether feedback is received best-effort."""
+        self._on_matched = on_matched
+        self._ever_matched = 0
+        """How many servers the feedback's subscription has matched since it was made."""
         try:
             # The order matters: servers discover the endpoints in the order in which they are
             # made, so a server that answers a cancel request knows all the others (R4).
@@ -75,10 +78,7 @@ class Entities:
             self.feedback = MessageSource(subscription, on_feedback)
             self.matched: EventSource | None = None
             for handler in list(subscription.event_handlers)[:1]:
-                self.matched = EventSource(
-                    handler,
-                    lambda event: on_matched(event.current_count, event.total_count_change),
-                )
+                self.matched = EventSource(handler, self._tell_matched)
             self.goal = ResponseSource(self._goal_client(), on_goal)
             self.result = ResponseSource(self._result_client(), on_result)
             self.cancel = ResponseSource(self._cancel_client(), on_cancel)
@@ -169,11 +169,18 @@ class Entities:
         return client
 
     def _use_feedback(self) -> None:
+        self._ever_matched = 0
         subscription = self._subscribe_feedback()
         self.feedback.use(subscription)
         for handler in list(subscription.event_handlers)[:1]:
             if self.matched is not None:
                 self.matched.use(handler)
+
+    def _tell_matched(self, event: Any) -> None:
+        # Two servers that come at one moment make two events, each with `total_count_change` 1.
+        # But the first one may already count both.
+        came, self._ever_matched = event.total_count - self._ever_matched, event.total_count
+        self._on_matched(event.current_count, came)
 
     def _subscribe_feedback(self) -> Subscription:
         try:
