@@ -646,6 +646,9 @@ def test_mcp_goes_on_cancelling_what_does_not_stop_at_once(
     assert rows(path) == 1
     server.resume()
     assert runs_nothing(server)
+    until(lambda: rows(path) == 0)
+    # Else it would go on in the domain of a test that has ended.
+    until(lambda: not any("_go_on" in thread.name for thread in threading.enumerate()))
 
 
 def test_a_look_for_goals_ends_if_the_context_was_shut_down(make_client, ros_domain):

@@ -6,7 +6,7 @@ import math
 import threading
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -50,6 +50,14 @@ class Link:
 
     def __getattr__(self, name: str) -> Callable[..., None]:
         return lambda *_, **__: None
+
+
+@pytest.fixture(autouse=True)
+def _not_at_exit() -> Iterator[None]:
+    """Leave nothing that the interpreter's exit, which ends all sessions, cannot end."""
+    before = set(open_sessions)
+    yield
+    open_sessions.intersection_update(before)
 
 
 class World(Clock):

@@ -155,7 +155,8 @@ def goals_seen(
                 now >= found_by and not reader.publishers and not arrays
             ):
                 break
-    # Servers whose clock stands still stamp alike: of these, what was published last counts.
+    # Where the clock of a server stands still, its messages have one stamp: then what was published
+    # last counts.
     in_order = (goal for _, array in sorted(arrays) for goal in goals(array))
     newest = {goal[:3]: goal for goal in in_order}
     board = Board(most=math.inf)
