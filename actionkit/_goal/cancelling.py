@@ -137,7 +137,14 @@ class CancellableGoal(GoalRecord):
         return self._believe_refusal(now)
 
     def _believe_refusal(self, now: float) -> list[fx.Effect]:
-        """The goal runs on. The consequence depends on whether somebody still waits for it."""
+        """The goal runs on. What follows depends on its caller:
+
+        | the caller | what follows |
+        |---|---|
+        | has left, or waits until a deadline or a silence is over | nothing changes |
+        | has cancelled it, or got no answer in time | it waits for the goal's end again |
+        | the same, and then its deadline passed or it closed | it waits for the cancellation |
+        """
         told = [] if self._refusal_told else [fx.Record(self.state, _REFUSED, cancel_refused=True)]
         self._refusal_told = self.facts.refused = True
         if self.settled or self.cancel_reason not in _CALLER_MAY_WAIT:

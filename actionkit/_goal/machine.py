@@ -279,13 +279,29 @@ class Goal(CancellableGoal):
         if everybody:
             self._one_unseen, everybody = unseen, not unseen
         self._denied_lately |= unseen and self.stage is Stage.ANOTHER_MAY_RUN
-        if status is None and unseen:
+        if status is not None:
+            return self._ended_on_one(
+                status, result, now, ours=ours, everybody=everybody, ends=ends
+            )
+        if unseen:
             # All others do not have it. They are asked again: this one may yet come into sight.
             self._forgotten_at = self._forgotten_at or now
             waited = now >= self._forgotten_at + LONGEST_PAUSE
             return self._one_is_gone(now) if waited else []
-        if status is None:
-            return self._unknown(now, asked_at, own=own, everybody=everybody)
+        return self._unknown(now, asked_at, own=own, everybody=everybody)
+
+    def _ended_on_one(
+        self,
+        status: GoalState,
+        result: Any,
+        now: float,
+        *,
+        ours: bool,
+        everybody: bool,
+        ends: int,
+    ) -> list[fx.Effect]:
+        """A server has ended the goal; the arguments are those of `result`."""
+        facts = self.facts
         effects = [] if self.stage is Stage.LOST else self._proven(now)
         elsewhere = self.stage is Stage.ANOTHER_MAY_RUN or (
             self.stage is Stage.LOST and facts.ended
@@ -294,8 +310,8 @@ class Goal(CancellableGoal):
         facts.ends = max(facts.ends, ends)
         facts.over = self._stopped_everywhere(everybody=everybody)
         better = status is GoalState.SUCCEEDED is not self._terminal_seen
+        late = [fx.LateResult(status, result)] if self.settled else []
         if elsewhere and not (self._waiting_end and better):
-            late = [fx.LateResult(status, result)] if self.settled else []
             return [*late, *self._look_elsewhere(now, everybody=everybody)]
         self._waiting_end = None
         self._terminal_seen = status
@@ -303,25 +319,49 @@ class Goal(CancellableGoal):
         canceled = status is GoalState.CANCELED
         if canceled and ours and facts.servers > 1 and self._refused_reason is not None:
             effects += self._cancel_accepted(now)  # by another server; its answer may come later
-        end, kept, why = _ENDS.get(status, fx.End.CANCELED_BY_OTHER), result, self.cancel_reason
-        if canceled and why is CancelReason.CANCELLED:
-            end = fx.End.CANCELLED_BY_CALLER
-        elif why is CancelReason.DEADLINE or (why is not None and canceled and ours):
-            end = END_AFTER[why]
-            if end is fx.End.DEADLINE and status is not GoalState.SUCCEEDED:
-                kept = None  # only a late success is useful
-        if self.settled:
-            effects.append(fx.LateResult(status, result))
+        end = self._end_with(status, ours=ours)
+        if end is fx.End.DEADLINE and status is not GoalState.SUCCEEDED:
+            result = None  # only a late success is useful
         because = ""
         confirmed = canceled and self._cancel_reply is CancelReply.ACCEPTED
         if end is fx.End.CANCELED_BY_OTHER and confirmed and self._cancelled_before:
             because = "an earlier call of this client had cancelled it"
-        return effects + self._end_here(end, now, result=kept, lost_because=because)
+        return [*effects, *late, *self._end_here(end, now, result=result, lost_because=because)]
+
+    def _end_with(self, status: GoalState, *, ours: bool) -> fx.End:
+        """How the attempt ends if a server has ended the goal in this state.
+
+        | the caller gave up by | SUCCEEDED, ABORTED | CANCELED by us | CANCELED by others |
+        |---|---|---|---|
+        | nothing | as the goal | by others | by others |
+        | its own cancel | as the goal | by the caller | by the caller |
+        | the deadline | deadline | deadline | deadline |
+        | another reason | as the goal | that reason | by others |
+        """
+        why, canceled = self.cancel_reason, status is GoalState.CANCELED
+        if canceled and why is CancelReason.CANCELLED:
+            return fx.End.CANCELLED_BY_CALLER
+        if why is CancelReason.DEADLINE or (why is not None and canceled and ours):
+            return END_AFTER[why]
+        return _ENDS.get(status, fx.End.CANCELED_BY_OTHER)
 
     def _unknown(
         self, now: float, asked_at: float, *, own: bool, everybody: bool
     ) -> list[fx.Effect]:
-        """A server does not know the goal, or none of the servers in sight do."""
+        """A server does not know the goal, or none of the servers in sight do.
+
+        The first line that fits counts:
+
+        | what is known | what follows |
+        |---|---|
+        | several servers may have it, and not all in sight have denied it | nothing |
+        | it is over for its caller, and another server was asked | it may be over |
+        | one of several has left | it may run there, so it counts as lost |
+        | a server has had it, or it was attached to | it is over if the server says so again |
+        | it was lost, and its server is not back | wait for that server |
+        | it was lost, and its server is back | it is over |
+        | no server has shown that it has it | one may still accept it |
+        """
         facts = self.facts
         if facts.servers > 1 and not (everybody and own):
             lost = everybody and facts.lost

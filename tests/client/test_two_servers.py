@@ -208,7 +208,7 @@ def test_nothing_is_sent_while_a_server_that_seems_replaced_is_there(
     NEVER.wait(2 * _IN_SIGHT_WITHIN)  # one that comes sooner may have got the goal, too
     second = action_server("fibonacci")
     second.wait_for("cancel_requested", goal_id=busy, count=2, timeout=20)
-    until(lambda: future._call.machine._held_up)
+    until(lambda: future._call.machine._waits_for_earlier)
     assert (future.state, second.count("goal_received")) == (GoalState.SENDING, 0)
     (lost,) = (event for event in future.timeline if event.state is GoalState.LOST)
     assert lost.detail.startswith("it was restarted, or started twice")

@@ -368,9 +368,9 @@ def test_it_waits_while_an_earlier_goal_may_run(
     machine.resume(20.0)
     machine.server_ready()
     assert machine.turn(20.0) == [cx.AwaitServer(until, another=True)]
-    held_up = resend == "server_gone" and earlier is SILENT
+    waits_for_earlier = resend == "server_gone" and earlier is SILENT
     again = None if limit is None else 21.0 + limit
-    assert machine.server_lost(21.0) == ([cx.AwaitServer(again)] if held_up else [])
+    assert machine.server_lost(21.0) == ([cx.AwaitServer(again)] if waits_for_earlier else [])
 
 
 def test_nothing_is_sent_after_the_deadline() -> None:

@@ -53,7 +53,7 @@ def test_goals_that_were_waited_for_in_vain_are_not_waited_for_again(
     monkeypatch.setattr(_exit, "end_calls", lambda sessions: GRACE)
     began = time.monotonic()
     session = FakeSession(began - ago)
-    _exit._end_calls(cast(Any, [session]))
+    _exit._close_sessions(cast(Any, [session]))
     assert session.waited_until == ([] if ago else [began + GRACE])
 
 

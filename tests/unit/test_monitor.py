@@ -23,7 +23,7 @@ from actionkit._ros.communication.runtime import Runtime
 from actionkit._ros.endpoints.entities import Entities
 from actionkit._ros.endpoints.names import ActionNames
 from actionkit._ros.servers_in_sight.monitor import ServerMonitor
-from actionkit._ros.servers_in_sight.restarts import SEEMS_REPLACED
+from actionkit._ros.servers_in_sight.restarts import SEEMS_RESTARTED
 from tests.conftest import all_is_logged
 from tests.hunting import many
 from tests.unit.clock import Clock
@@ -513,7 +513,7 @@ def test_a_silent_server_with_a_successor_on_a_node_of_its_name_was_restarted(
     world: World,
 ) -> None:
     goal = restart(world, "server_a")
-    assert (goal.lost, goal.ready) == ([SEEMS_REPLACED], 1)
+    assert (goal.lost, goal.ready) == ([SEEMS_RESTARTED], 1)
     assert goal.servers[-1] == (1, 0)  # it is there
     # It may not have it any more, though the middleware still shows it: who answers is another.
     assert not world.monitor.sees_server_of(goal.goal_id.bytes)
@@ -546,7 +546,7 @@ def test_servers_are_asked_again_until_the_names_of_their_nodes_are_known(world:
     for seq in range(asked + 1, asked + 4):
         world.monitor.restarts.count_answer(seq)
     world.clock.advance(1.0)
-    assert goal.lost == [SEEMS_REPLACED]
+    assert goal.lost == [SEEMS_RESTARTED]
     world.clock.advance(100.0)
     assert len(world.probes) == asked + 3
 

@@ -41,7 +41,7 @@ def close_all() -> None:
     """
     sessions = list(open_sessions)
     hurry = any(session.was_interrupted for session in sessions)
-    hurry = _is_interrupted(partial(_end_calls, sessions)) or hurry
+    hurry = _is_interrupted(partial(_close_sessions, sessions)) or hurry
     if _is_interrupted(partial(_free, sessions)):
         _is_interrupted(partial(_free, sessions, at_once=True))  # that takes only milliseconds
     if not hurry:
@@ -64,7 +64,7 @@ def _is_interrupted(step: Callable[[], object]) -> bool:
     return False
 
 
-def _end_calls(sessions: list[Session]) -> None:
+def _close_sessions(sessions: list[Session]) -> None:
     began = time.monotonic()
     _await_freed(sessions, began, end_calls(sessions))
 

@@ -44,6 +44,13 @@ def after_no_server(
     attempt. A call that had a server ends at its deadline. Before that, its policy decides by the
     end of the attempt before this one: that server may need longer than one wait to come back.
 
+    | a server is ready | the call had one before | late | not late |
+    |---|---|---|---|
+    | no | no | it ends: no server | it ends: no server |
+    | yes | no | it ends at its deadline | it ends: no server |
+    | no | yes | it ends at its deadline | as the attempt before: `server_gone` may send again |
+    | yes | yes | it ends at its deadline | if the earlier goal may run, only `always` sends again |
+
     `last` is how that attempt ended, if there was one; `limit` is `Timeouts.server`. `late` means
     that the call's deadline has passed, `ready` that a server is ready now, and `in_flight`
     that an earlier goal of the call may be running.

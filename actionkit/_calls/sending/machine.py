@@ -105,7 +105,7 @@ class CallMachine:
         self._deadline = deadline
         self._wait_until: float | None = None  # for a server
         self._gone_by = 0.0  # for the server of an earlier goal to leave
-        self._held_up = False  # a server is ready, and an earlier goal may run
+        self._waits_for_earlier = False  # a server is ready, and an earlier goal may run
         self._new_id = new_id
         self._replacement: CallMachine | None = None  # the call that replaces this one
         self.previous: AttemptView | None = None  # the latest one with an end that is known
@@ -223,7 +223,7 @@ class CallMachine:
         self._wait_until = None if self._server_limit is None else now + self._server_limit
         # Not `Timeouts.server`, which is for the time without any server.
         self._gone_by = self._deadline or max(now + LONGEST_LEASE, self._wait_until or now)
-        self._held_up = False
+        self._waits_for_earlier = False
         return [cx.AwaitServer(self._wait_until)]
 
     def server_ready(self) -> list[cx.Effect]:
@@ -235,8 +235,8 @@ class CallMachine:
 
     def server_lost(self, now: float) -> list[cx.Effect]:
         """No server is ready any more; the goal may be in the queue."""
-        held_up = self.phase is Phase.WAITING and self._held_up
-        return self._await_server(now) if held_up or self.phase is Phase.QUEUED else []
+        waits_for_earlier = self.phase is Phase.WAITING and self._waits_for_earlier
+        return self._await_server(now) if waits_for_earlier or self.phase is Phase.QUEUED else []
 
     def type_mismatch(self, served: tuple[str, ...]) -> list[cx.Effect]:
         """The name is served with other types only."""
@@ -255,8 +255,8 @@ class CallMachine:
         if self._is_late(now) or not self.may_send():
             self.phase = Phase.WAITING
             in_doubt = not all(each.goal.facts.is_over for each in self.earlier)
-            self._held_up = in_doubt and self._resend == "server_gone"
-            until = self._gone_by if self._held_up else self._wait_until
+            self._waits_for_earlier = in_doubt and self._resend == "server_gone"
+            until = self._gone_by if self._waits_for_earlier else self._wait_until
             return [cx.AwaitServer(until, another=True)]
         self.phase = Phase.TRYING
         return [cx.Send()]
@@ -282,7 +282,7 @@ class CallMachine:
         if self.previous is not None and (in_flight or not late):
             self.goal_id = self.previous.goal_id
         ending = fx.Ending(fx.End.NO_SERVER, GoalState.TIMED_OUT, given_up=True)
-        ready |= self._held_up
+        ready |= self._waits_for_earlier
         ending = after_no_server(ending, self._last, self._server_limit, late, ready, in_flight)
         return effects + (self._end if late or self._last is None else self._plan)(ending)
 

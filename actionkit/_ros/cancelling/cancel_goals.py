@@ -48,49 +48,16 @@ def cancel_goals(
         on_fate: Gets each fate when it is known.
         on_error: Gets the name of each action with goals that cannot be cancelled, and the error.
     """
-    from actionkit._ros.cancelling.cancel import AllSaid, CancelSaid, GoalCanceller
-    from actionkit._ros.others_goals.watch import StatusReader
-
-    inbox: queue.SimpleQueue[tuple[Cancelling, Any]] = queue.SimpleQueue()
-    cancellers: dict[str, GoalCanceller] = {}
-    by_name = {action.name: action for action in actions}
     began = time.monotonic()
     complete: float | None = None
     """Since when each action has a server."""
     last: float | None = None
     """Until when the answers to the last request may come; it is sent after looking for servers."""
-    broken: set[str] = set()
-    """Names that rclpy refuses; the program that made them does not use rclpy."""
     with contextlib.ExitStack() as stack:
+        asking = _Asking(survey, actions, stack, adds=least is None, on_error=on_error)
         while True:
-            for seen in survey.actions().values():
-                if not seen.servers or (least is not None and seen.name not in by_name):
-                    continue
-                if seen.name not in by_name:
-                    by_name[seen.name] = Cancelling(seen.name)
-                    actions.append(by_name[seen.name])
-                action = by_name[seen.name]
-                if seen.name not in cancellers and seen.name not in broken:
-                    put = _putter(inbox, action)
-                    try:
-                        names = survey.names(seen.name)
-                        reader = StatusReader(
-                            names, on_goals=put, on_servers=put, place=survey.place
-                        )
-                        stack.callback(reader.close)
-                        cancellers[seen.name] = GoalCanceller(names, put, survey.place)
-                        stack.callback(cancellers[seen.name].close)
-                    except Exception as error:  # noqa: BLE001  cancel those of the other actions
-                        broken.add(seen.name)
-                        on_error(seen.name, error)
-                action.seen([end.node for end in seen.servers])
-            for action, news in arrived(inbox, _TICK):
-                if isinstance(news, AllSaid):
-                    action.take_all(news, time.monotonic())
-                elif isinstance(news, CancelSaid):
-                    action.take(news, time.monotonic())
-                else:
-                    action.take_news(news, time.time())
+            asking.look()
+            asking.take_answers()
             now = time.monotonic()
             if complete is None and all(action.has_server for action in actions):
                 complete = now
@@ -102,22 +69,95 @@ def cancel_goals(
                 last = now + _ANSWER
                 for action in actions:
                     action.once_more()
-            for name, canceller in cancellers.items():
-                action = by_name[name]
-                if (number := action.to_ask(now)) is not None:
-                    canceller.cancel_all(number, until=accepted_until)
-                for goal_id in action.to_ask_singly(now):
-                    canceller.cancel(goal_id)
-                for fate in action.settle(now, over=False):
-                    canceller.stop(fate.goal_id)
-                    on_fate(fate)
-            done = all(by_name[name].done for name in cancellers)
-            if last is not None and (done or (over(now) and now >= last)):
+            asking.ask(now, accepted_until, on_fate)
+            if last is not None and (asking.done or (over(now) and now >= last)):
                 break
     for name in survey.actions() if least is None else ():
-        if name not in by_name and survey.may_hide_goals(name):
+        if name not in asking.by_name and survey.may_hide_goals(name):
             actions.append(Cancelling(name))
 
 
-def _putter(inbox: queue.SimpleQueue[Any], action: Cancelling) -> Callable[[Any], None]:
-    return lambda news: inbox.put((action, news))
+class _Asking:
+    """Asks the servers in sight, and takes their answers."""
+
+    def __init__(
+        self,
+        survey: Survey,
+        actions: list[Cancelling],
+        stack: contextlib.ExitStack,
+        *,
+        adds: bool,
+        on_error: Callable[[str, Exception], object],
+    ) -> None:
+        """Begin without servers; `adds` means that actions are added when they come into sight.
+
+        The `stack` closes what is opened. For the rest, see `cancel_goals`.
+        """
+        self._survey = survey
+        self._actions = actions
+        self._stack = stack
+        self._adds = adds
+        self._on_error = on_error
+        self.by_name = {action.name: action for action in actions}
+        self._cancellers: dict[str, GoalCanceller] = {}
+        self._broken: set[str] = set()
+        """Names that rclpy refuses; the program that made them does not use rclpy."""
+        self._inbox: queue.SimpleQueue[tuple[Cancelling, Any]] = queue.SimpleQueue()
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left to do about the actions that have, or had, a server."""
+        return all(self.by_name[name].done for name in self._cancellers)
+
+    def look(self) -> None:
+        """Look which servers are in sight."""
+        for seen in self._survey.actions().values():
+            if not seen.servers or not (self._adds or seen.name in self.by_name):
+                continue
+            if seen.name not in self.by_name:
+                self.by_name[seen.name] = Cancelling(seen.name)
+                self._actions.append(self.by_name[seen.name])
+            if seen.name not in self._cancellers and seen.name not in self._broken:
+                try:
+                    self._open(seen.name)
+                except Exception as error:  # noqa: BLE001  cancel those of the other actions
+                    self._broken.add(seen.name)
+                    self._on_error(seen.name, error)
+            self.by_name[seen.name].seen([end.node for end in seen.servers])
+
+    def _open(self, name: str) -> None:
+        from actionkit._ros.cancelling.cancel import GoalCanceller
+        from actionkit._ros.others_goals.watch import StatusReader
+
+        def put(news: Any) -> None:
+            self._inbox.put((action, news))
+
+        action, names, place = self.by_name[name], self._survey.names(name), self._survey.place
+        reader = StatusReader(names, on_goals=put, on_servers=put, place=place)
+        self._stack.callback(reader.close)
+        self._cancellers[name] = GoalCanceller(names, put, place)
+        self._stack.callback(self._cancellers[name].close)
+
+    def take_answers(self) -> None:
+        """Take what has come from the servers, or wait a moment for it."""
+        from actionkit._ros.cancelling.cancel import AllSaid, CancelSaid
+
+        for action, news in arrived(self._inbox, _TICK):
+            if isinstance(news, AllSaid):
+                action.take_all(news, time.monotonic())
+            elif isinstance(news, CancelSaid):
+                action.take(news, time.monotonic())
+            else:
+                action.take_news(news, time.time())
+
+    def ask(self, now: float, accepted_until: float, on_fate: Callable[[Fate], object]) -> None:
+        """Send the requests that are due, and tell what is known now."""
+        for name, canceller in self._cancellers.items():
+            action = self.by_name[name]
+            if (number := action.to_ask(now)) is not None:
+                canceller.cancel_all(number, until=accepted_until)
+            for goal_id in action.to_ask_singly(now):
+                canceller.cancel(goal_id)
+            for fate in action.settle(now, over=False):
+                canceller.stop(fate.goal_id)
+                on_fate(fate)

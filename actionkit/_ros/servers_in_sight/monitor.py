@@ -22,7 +22,7 @@ from actionkit._ros.rclpy_private.native import RCLError
 from actionkit._ros.servers_in_sight.found_by_server import FoundByServer
 from actionkit._ros.servers_in_sight.liveness import Liveness
 from actionkit._ros.servers_in_sight.readiness import UNNAMED, ServerReadiness
-from actionkit._ros.servers_in_sight.restarts import SEEMS_REPLACED, RestartDetector
+from actionkit._ros.servers_in_sight.restarts import SEEMS_RESTARTED, RestartDetector
 from actionkit._threads.clock import TimerGroup
 from actionkit._threads.diagnostics import log_later
 
@@ -84,7 +84,7 @@ class ServerMonitor:
         self._goals: dict[bytes, _SentGoal] = {}
         self._awaiting: dict[Waiter, None] = {}
         self._ready_waiters: dict[Callable[[], None], None] = {}
-        self._held_until = 0.0  # before that time, no server counts as gone
+        self._none_gone_until = 0.0  # before that time, no server counts as gone
         self._doubted: frozenset[bytes] = frozenset()  # those out of sight until then
         self.restarts = RestartDetector(self._timers, probe, self._on_one_answers)
         self.liveness = Liveness(
@@ -178,8 +178,8 @@ class ServerMonitor:
     def stood_still(self, until: float) -> None:
         """Until that time, count no server as gone; then count those out of sight as gone."""
         self.liveness.start_over()
-        self._held_until = until
-        self._timers.call_at(until, self._end_hold)
+        self._none_gone_until = until
+        self._timers.call_at(until, self._end_doubt)
 
     def leave(self) -> None:
         """Handle that the node is replaced: the new one will discover the servers again."""
@@ -187,8 +187,8 @@ class ServerMonitor:
         self.readiness.leave()
         self._found_by_server.stop()
 
-    def _end_hold(self) -> None:
-        if self._closed or self._timers.now() < self._held_until:
+    def _end_doubt(self) -> None:
+        if self._closed or self._timers.now() < self._none_gone_until:
             return
         gone, self._doubted = self._doubted - self.readiness.servers, frozenset()
         if gone:
@@ -288,11 +288,11 @@ class ServerMonitor:
         for goal in self._goals.values():
             self._reconsider(goal, came)
         self._doubted -= came
-        held = self._timers.now() < self._held_until
-        if held:
+        doubtful = self._timers.now() < self._none_gone_until
+        if doubtful:
             self._doubted |= gone
         self._tell_who_has_them()
-        if gone and not held:
+        if gone and not doubtful:
             self._lose_all(gone)
         if len(self.readiness.servers) > 1 and not self._warned:
             # Their names are known a moment later.
@@ -347,7 +347,7 @@ class ServerMonitor:
             replaced = frozenset(gid for gid in goal.servers if nodes.get(gid) in newer)
             if replaced:
                 goal.sent_to -= replaced
-                self._lose(listener, goal, replaced, SEEMS_REPLACED)
+                self._lose(listener, goal, replaced, SEEMS_RESTARTED)
                 if self.readiness.ready:
                     listener.on_server_ready()  # the new one can say whether it knows the goal
         if "" in nodes.values() and self._goals:

@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 from actionkit._threads.clock import Timers
 
-SEEMS_REPLACED = (
+SEEMS_RESTARTED = (
     "it was restarted, or started twice: a server on a node of the same name answers, and it does"
     " not"
 )

@@ -515,8 +515,8 @@ MUTANTS = (
         "C10.4",
         "a stop goes on while others send goals",
         "_ros/cancelling/cancel_goals.py",
-        "(done or (over(now) and now >= last))",
-        "done",
+        "(asking.done or (over(now) and now >= last))",
+        "asking.done",
         ("unit/test_stopping.py::test_a_stop_keeps_its_time_while_others_send_goals",),
     ),
     Mutant(
@@ -590,7 +590,7 @@ MUTANTS = (
         "C10.4",
         "a server that is out of sight, with a client that may have goals, is not told of",
         "_ros/cancelling/cancel_goals.py",
-        "        if name not in by_name and survey.may_hide_goals(name):\n",
+        "        if name not in asking.by_name and survey.may_hide_goals(name):\n",
         "        if False:\n",
         (
             "cli/test_stop.py::test_a_server_that_stands_still_is_out_of_sight_and_its_client_is_not",

@@ -43,7 +43,7 @@ MUTANTS = (
         "C5.2",
         "the goals of a server that was restarted are not told so",
         "_ros/servers_in_sight/monitor.py",
-        "                self._lose(listener, goal, replaced, SEEMS_REPLACED)\n",
+        "                self._lose(listener, goal, replaced, SEEMS_RESTARTED)\n",
         "",
         (
             "unit/test_monitor.py::test_a_silent_server_with_a_successor_on_a_node_of_its_name_was_restarted",
@@ -106,7 +106,7 @@ MUTANTS = (
         "C5.4",
         "a server that is out of sight for a moment after a standstill is gone",
         "_ros/servers_in_sight/monitor.py",
-        "held = self._timers.now() < self._held_until",
+        "doubtful = self._timers.now() < self._none_gone_until",
         "held = False",
         (
             "unit/test_monitor.py::test_a_server_that_is_back_soon_after_a_standstill_was_never_gone",

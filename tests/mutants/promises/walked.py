@@ -33,7 +33,7 @@ MUTANTS = (
         "C2.7",
         "a goal waits for its turn while no server is there",
         "_calls/sending/machine.py",
-        "self._await_server(now) if held_up or self.phase is Phase.QUEUED else []",
+        "self._await_server(now) if waits_for_earlier or self.phase is Phase.QUEUED else []",
         "[]",
     ),
     _found(
