@@ -17,7 +17,7 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import BuiltinFunctionType, FunctionType, MethodType
 from typing import Any, NamedTuple, Protocol
 
@@ -227,10 +227,13 @@ class WorkOfPool:
 
         `at_exit` means that the interpreter ends; otherwise work on the calling thread goes on.
         """
+        # Before the rest, because it reads files: the exit in another thread names nothing that was
+        # named here, and may be over before the log has it.
+        stacks = {due: due.stack() for due in list(self._in_hand)} if not self._ended else {}
         if not self._ended:
             self._ended = True
             self._busy.pop(self, None)
-            self.warn(list(self._in_hand) if at_exit else self._unfinished())
+            self.warn(list(self._in_hand) if at_exit else self._unfinished(), stacks)
 
     def _unfinished(self) -> list[DueWork]:
         """Return all work, except callbacks that are closing the client themselves."""
@@ -243,8 +246,8 @@ class WorkOfPool:
         """Return the work that the calling thread can wait for."""
         return [due for due in self._unfinished() if due.can_go_on]
 
-    def warn(self, left: list[DueWork]) -> None:
-        """Name in the log what did not finish."""
+    def warn(self, left: list[DueWork], stacks: Mapping[DueWork, str | None]) -> None:
+        """Name in the log what did not finish, with the `stacks` that are known."""
         for due in left if self._busy is CALLBACKS else []:
             began = "has not begun" if due.thread is None else "has not returned"
             log_later(
@@ -254,7 +257,7 @@ class WorkOfPool:
                 str(due.label),
                 self._owner,
                 began,
-                stack=due.stack(),
+                stack=stacks.get(due),
             )
 
 

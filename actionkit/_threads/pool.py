@@ -78,7 +78,7 @@ class Pool:
         Return the same as `submit`.
         """
         if self.dues.ended:
-            self.dues.warn([DueWork(work.label, work)])
+            self.dues.warn([DueWork(work.label, work)], {})
             return "its client is closed"
         self.look()
         due = self.dues.begin(work.label, work)

@@ -377,7 +377,7 @@ MUTANTS = (
         "C1.10",
         "a callback that was cut off is not named",
         "_threads/in_hand.py",
-        "            self.warn(list(self._in_hand) if at_exit else self._unfinished())",
+        "            self.warn(list(self._in_hand) if at_exit else self._unfinished(), stacks)",
         "            pass",
         ("client/test_due_callbacks.py::test_one_that_does_not_return_is_named_and_left",),
     ),
