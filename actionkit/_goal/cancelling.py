@@ -54,7 +54,7 @@ class CancellableGoal(GoalRecord):
         return self._ask_all_to_cancel(now)
 
     def _ask_all_to_cancel(self, now: float) -> list[fx.Effect]:
-        """Ask again: of several servers, one may not have been asked since it has the goal."""
+        """Ask, also again: one of several servers may have refused, or got the goal since."""
         if self.facts.servers > 1:
             self._asked_all_at = now  # what they answer to earlier requests tells nothing about it
         return [fx.AskCancel()]
@@ -99,11 +99,11 @@ class CancellableGoal(GoalRecord):
         self._reask_after = FIRST_REASK / 2  # somebody waits for this
         self._ended_first = self._terminal_seen is not None
         # A goal that has ended is not cancelled: only its result is missing.
-        ask: fx.Effect = fx.AskResult() if self._ended_first else fx.AskCancel()
+        ask = [fx.AskResult()] if self._ended_first else self._ask_all_to_cancel(now)
         return [
             *effects,
             fx.Disarm(fx.Timer.STALL),
-            ask,
+            *ask,
             fx.Arm(fx.Timer.CANCEL, now + self._timeouts.cancel),
             self._arm_reask(now),
         ]

@@ -119,7 +119,8 @@ class Goal(CancellableGoal):
 
     def _ask_about_lost(self, now: float) -> list[fx.Effect]:
         self._reask_after = FIRST_REASK
-        return [fx.AskCancel(), fx.AskResult(), self._arm_reask(now)]
+        # What a server answers to an earlier request may be outdated.
+        return [fx.AskCancel(), fx.AskResult(anew=True), self._arm_reask(now)]
 
     # --- what the servers answer -----------------------------------------------------------
 
@@ -359,7 +360,7 @@ class Goal(CancellableGoal):
         | one of several has left | it may run there, so it counts as lost |
         | a server has had it, or it was attached to | it is over if the server says so again |
         | it was lost, and its server is not back | wait for that server |
-        | it was lost, and its server is back | it is over |
+        | it was lost, and its server is back | it is over, soon or after a minute |
         | no server has shown that it has it | one may still accept it |
         """
         facts = self.facts
@@ -377,6 +378,7 @@ class Goal(CancellableGoal):
         if self.stage is Stage.ACCEPTED or (facts.attached and self.stage is Stage.SENT):
             return self._forgotten(now, asked_at) if own else []
         if self.stage is Stage.LOST and facts.undecided:
+            self._denied_lately = not facts.lost
             return []
         if self.stage is Stage.LOST:
             return self._unknown_to_another() if facts.lost else self._over()
@@ -387,9 +389,10 @@ class Goal(CancellableGoal):
     def servers_changed(self, servers: int, away: int) -> list[fx.Effect]:
         """Another server may have got the goal, too, or one left the graph or came back."""
         facts, more = self.facts, away > self.facts.away
+        self._denied_lately = False  # one that has come, or come back, has not denied it
         # Those that are there do not have it, see `_gone`.
         stays = facts.servers_gone and away >= facts.away
-        facts.servers, facts.away = max(1, servers, facts.yeses), away
+        facts.servers, facts.away = max(1, servers, facts.yeses + facts.noes), away
         facts.servers_gone = stays or away >= facts.servers
         if more and facts.servers > 1 and self.stage in (Stage.ACCEPTED, Stage.ANOTHER_MAY_RUN):
             return [fx.AskResult(anew=True)]
@@ -563,8 +566,10 @@ class Goal(CancellableGoal):
         if ended and self.settled and self._reask_after >= LAST_RESULT_PAUSE:
             return self._over()
         # A server that has not answered since the last request may be busy, and still accept it.
-        dropped = self.settled and self.stage is Stage.SENT and self._denied_lately
-        self._denied_lately = False
+        denied, self._denied_lately = self._denied_lately, False
+        if denied and self.stage is Stage.LOST and self._reask_after >= LONGEST_PAUSE:
+            return self._over()  # its server is back, and the others have read the request by now
+        dropped = denied and self.settled and self.stage is Stage.SENT
         if dropped and self._reask_after >= LAST_UNKNOWN_PAUSE:
             return self.forget()
         effects: list[fx.Effect] = [fx.WatchStatus()]

@@ -95,6 +95,9 @@ class World:
     given_to: frozenset[int] = NOBODY
     were_given: frozenset[int] = NOBODY
     """Those, and the ones that were out of sight when it was taken back."""
+    was_away: bool = False
+    """Whether one of its servers was out of sight when it was taken back. It is not known whether
+    that one has come back, so it stays lost."""
     settled: int = 0
     released: bool = False
     gave_up: frozenset[CancelReason] = frozenset()
@@ -147,7 +150,7 @@ class World:
             min(self.sent_cancels, 2),
             (self.staying, self.sent_to, self.given_to),
             (self.settled, self.released, self.gave_up, self.silent),
-            (self.hangs, self.guesses),
+            (self.hangs, self.guesses, self.was_away),
         )
         held = goal._waiting_end and goal._waiting_end[0]
         return (*mine, held, astuple(goal.facts)[1:], repr(times), driver, tuple(self.servers))
@@ -210,6 +213,7 @@ class World:
         self.goal, self.released = Goal(earlier.facts.goal_id, earlier._timeouts), False
         self.staying = self.sent_to = self.given_to = self.up
         self.sent_cancels = 0
+        self.was_away = earlier.facts.away > 0
         self.apply(self.goal.taken_back(earlier.facts, len(self.up), self.now))
 
     def lose(self, reason: str) -> None:
@@ -277,10 +281,14 @@ class World:
         return now, everybody
 
     def answers_result(self, i: int, number: int, state: GoalState | None) -> None:
+        # As in `Link._take_result`: what speaks again is asked anew first.
+        asked_anew = self.silent and self.goal.stage is Stage.LOST
         ended = state is not None
         self.change(i, told_end=self.servers[i].told_end or ended)
         request, everybody = self.answered("results", i, number, knows=ended)
-        if not ended and ((not everybody and len(self.up) > 1) or request.outdated):
+        outdated = request.outdated or asked_anew
+        if not ended and ((not everybody and len(self.up) > 1) or outdated):
+            self.speaks()
             return
         self.tell(
             "result",
@@ -290,7 +298,7 @@ class World:
             asked_at=request.at,
             ours=self.sent_cancels > 0,
             own=bool(self.sent_to & self.up),
-            everybody=everybody and not request.outdated,
+            everybody=everybody and not outdated,
             ends=request.knowing,
             answers=request.heard,
         )
@@ -334,6 +342,8 @@ class World:
                 found.append(("is not silent any more", None))
         for i, server in enumerate(self.servers):
             found += ((event, i) for event in self.of_server(i, server))
+            if server.undecided and self.goal._reask_after >= 30:
+                continue  # it reads the goal's request before one that is a minute younger
             for kind, requests in (("result", self.results), ("cancel", self.cancels)):
                 for number, request in enumerate(requests):
                     if i in request.waiting and server.graph == UP:
@@ -636,7 +646,8 @@ class World:
                             world.happens(event, (i, number))
             if fx.Timer.REASK in world.due:
                 world.happens("timer", fx.Timer.REASK)
-        gone = world.given_to - world.up and world.goal.stage is Stage.LOST
+        gone = world.goal.stage is Stage.LOST
+        gone = gone and (world.was_away or bool(world.were_given - world.up))
         if not (gone or world.given_to - world.sent_to):
             raise Broken("no server runs it, and it is kept for ever")
 

@@ -220,7 +220,7 @@ def test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled(
     ]
     assert life.count(Release) == 0
     assert life.timers == {}
-    assert life.see("server_ready")[:2] == [AskCancel(), AskResult()]
+    assert life.see("server_ready")[:2] == [AskCancel(), AskResult(anew=True)]
     life.tell("status", GoalState.EXECUTING)
     assert life.goal.stage is Stage.ACCEPTED
     life.tell("result", GoalState.CANCELED, None)
@@ -331,7 +331,7 @@ def test_a_lost_goal_is_forgotten_when_its_own_server_does_not_know_it(
 def test_a_lost_goal_may_be_taken_yet_by_its_own_server(answer: str) -> None:
     life = Life().after(*UNTIL_SENT)
     life.tell("server_lost", "answered nothing for a while")
-    assert life.see("server_back")[:2] == [AskCancel(), AskResult()]
+    assert life.see("server_back")[:2] == [AskCancel(), AskResult(anew=True)]
     if answer == "cancel":
         life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
     else:

@@ -75,8 +75,8 @@ MUTANTS = (
         "C2.3",
         "a goal is not cancelled at the deadline",
         "_goal/cancelling.py",
-        "ask: fx.Effect = fx.AskResult() if self._ended_first else fx.AskCancel()",
-        "ask: fx.Effect = fx.AskResult()",
+        "ask = [fx.AskResult()] if self._ended_first else self._ask_all_to_cancel(now)",
+        "ask = [fx.AskResult()]",
         ("unit/test_goal_given_up.py::test_the_deadline_passes_in_flight",),
     ),
     Mutant(
@@ -184,8 +184,8 @@ MUTANTS = (
         "C2.4",
         "a goal whose server is back is not cancelled",
         "_goal/machine.py",
-        "        return [fx.AskCancel(), fx.AskResult(), self._arm_reask(now)]\n",
-        "        return [fx.AskResult(), self._arm_reask(now)]\n",
+        "may be outdated.\n        return [fx.AskCancel(), fx.AskResult(anew=True), ",
+        "may be outdated.\n        return [fx.AskResult(anew=True), ",
         (
             "unit/test_goal_machine.py::test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled",
         ),
@@ -487,5 +487,49 @@ MUTANTS = (
         "        except BaseException as error:\n            if not future.done():",
         "        except KeyboardInterrupt as error:\n            if not future.done():",
         ("client/test_interrupt.py::test_whatever_a_signal_handler_raises_cancels_the_goal",),
+    ),
+    Mutant(
+        "C2.4",
+        "what one server denied while another was out of sight counts when that is back",
+        "_goal/machine.py",
+        "self._denied_lately = False  # one that has come, or come back, has not denied it",
+        "pass",
+        (
+            "unit/test_goal_explored.py::test_what_was_once_broken["
+            "what one server denied while the other was out of sight counts when that is back]",
+        ),
+    ),
+    Mutant(
+        "C2.4",
+        "a goal that is taken back forgets the server that has rejected it",
+        "_goal/machine.py",
+        "max(1, servers, facts.yeses + facts.noes), away",
+        "max(1, servers, facts.yeses), away",
+        (
+            "unit/test_goal_explored.py::test_what_was_once_broken["
+            "a goal that is taken back counts as one of the server that has rejected it]",
+        ),
+    ),
+    Mutant(
+        "C2.4",
+        "who gives up again does not ask a server that has refused",
+        "_goal/cancelling.py",
+        "[fx.AskResult()] if self._ended_first else self._ask_all_to_cancel(now)",
+        "[fx.AskResult()] if self._ended_first else [fx.AskCancel()]",
+        (
+            "unit/test_goal_explored.py::test_what_was_once_broken["
+            "its caller gives up again after a refusal, before the other server answers]",
+        ),
+    ),
+    Mutant(
+        "C2.4",
+        "a goal that all servers deny after a silence is kept for ever",
+        "_goal/machine.py",
+        "            self._denied_lately = not facts.lost\n",
+        "            self._denied_lately = False\n",
+        (
+            "unit/test_goal_explored.py::test_what_was_once_broken["
+            "its server was silent, has forgotten it, and the other had rejected it unheard]",
+        ),
     ),
 )

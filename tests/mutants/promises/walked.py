@@ -251,19 +251,15 @@ MUTANTS = (
         "C2.4",
         "a lost goal is not cancelled when its server is back",
         "_goal/machine.py",
-        """\
-        self._reask_after = FIRST_REASK
-        return [fx.AskCancel(), """,
-        """\
-        self._reask_after = FIRST_REASK
-        return [""",
+        "may be outdated.\n        return [fx.AskCancel(), ",
+        "may be outdated.\n        return [",
     ),
     _found(
         "C2.4",
         "giving up asks for no cancel",
         "_goal/cancelling.py",
-        "else fx.AskCancel()",
-        "else fx.AskResult()",
+        "else self._ask_all_to_cancel(now)",
+        "else [fx.AskResult()]",
     ),
     _found(
         "C2.8",
