@@ -215,3 +215,28 @@ def test_nothing_is_sent_while_a_server_that_seems_replaced_is_there(
     assert first.finish()[0] == 0
     assert len(future.result(20).sequence) == 2
     assert future.outcome().attempts == 2
+
+
+def test_a_server_that_only_seems_replaced_cancels_for_this_client(
+    action_server, make_client, monkeypatch
+):
+    """Its successor does not know the goal, which tells nothing of the request to the first one."""
+    monkeypatch.setattr(_process, "_instances", itertools.repeat("twice"))
+    first = action_server("never_finishes")
+    policy = RetryPolicy(initial=0.05, jitter=0.0, resend="server_gone")
+    client = make_client(retry=policy, timeouts=PATIENT)
+    future = client.call_async({"order": 1}, timeout=60)
+    earlier = str(future.goal_id)
+    first.wait_for("executing")
+    NEVER.wait(2 * _IN_SIGHT_WITHIN)  # one that comes sooner may have got the goal, too
+    first.pause()
+    second = action_server("never_finishes")
+    second.wait_for("cancel_requested", goal_id=earlier, count=2, timeout=20)
+    until(lambda: future._call.machine._waits_for_earlier)
+    first.resume()
+    first.wait_for("canceled", goal_id=earlier)
+    assert second.wait_for("accepted")  # the next goal: nobody else has cancelled the first one
+    assert not future.done()
+    future.cancel()
+    assert future.outcome(20).attempts == 2
+    assert runs_nothing(second)

@@ -234,7 +234,7 @@ def _wrong(record: Record, journal: Journal) -> Iterable[str]:
     ):
         yield "it was not rejected"
     if record.error == "GoalCanceledError":
-        yield "nobody else cancels goals here"
+        yield f"nobody else cancels goals here: {record.text} {journal.story(record)}"
     # A server that a client has not discovered when its deadline passes is none.
     undiscovered = record.error == "ServerUnavailableError" and record.timeout < PATIENCE
     unanswered = record.error == "AcceptanceTimeoutError" and "blocks" in journal.done

@@ -127,6 +127,9 @@ class Link:
         goal = self.life.goals.get(listener.goal_id.bytes)
         return goal is not None and self.life.may_have_it(goal)
 
+    def seems_replaced(self, listener: Attempt) -> bool:
+        return False
+
     def ask_result(self, listener: Attempt, *, supersedes_earlier: bool = False) -> None:
         if listener.goal_id.bytes in self.listeners:
             asked = self.life.goals[listener.goal_id.bytes]

@@ -312,7 +312,8 @@ class World:
             return
         if not unknown and (answer is CancelAnswer.ACCEPTED or request.at >= self.cancel_at):
             self.cancelling = False
-        if unknown:
+        seems_replaced = self.given_to & self.up and not self.sent_to & self.up
+        if unknown and not seems_replaced:
             self.sent_cancels = max(0, self.sent_cancels - 1)
         first = self.sent_cancels == 1 or request.at <= self.first_cancel_at
         if answer is CancelAnswer.TERMINATED and first and self.goal.facts.servers == 1:

@@ -26,6 +26,7 @@ def attempt() -> Attempt:
         liveness=SimpleNamespace(start=nothing),
         send_goal=lambda *_: 1,
         sees_server_of=lambda _: True,
+        seems_replaced=lambda _: False,
         **dict.fromkeys(("ask_result", "ask_cancel", "stop_cancel", "watch_status"), nothing),
         leave_outbox=nothing,
     )
@@ -62,3 +63,15 @@ def test_the_answer_to_the_repeated_request_tells_if_the_cancel_was_ours(
     assert attempt.cancel_is_ours  # the second may still be the one
     attempt.on_cancel_answer(answer, attempt._now())
     assert attempt.cancel_is_ours is is_ours
+
+
+@pytest.mark.parametrize("seems_replaced", [False, True])
+def test_who_does_not_know_the_goal_is_not_asked_for_the_one_that_only_seems_replaced(
+    attempt: Attempt, seems_replaced: bool
+) -> None:
+    """A server that was stopped for a while takes the request late, and cancels the goal."""
+    attempt._link.seems_replaced = lambda _: seems_replaced  # type: ignore[method-assign]
+    attempt.on_accepted()
+    attempt.on_cancel_sent()
+    attempt.on_cancel_answer(CancelAnswer.UNKNOWN_GOAL, attempt._now())
+    assert attempt.cancel_is_ours is seems_replaced

@@ -517,9 +517,11 @@ def test_a_silent_server_with_a_successor_on_a_node_of_its_name_was_restarted(
     assert goal.servers[-1] == (1, 0)  # it is there
     # It may not have it any more, though the middleware still shows it: who answers is another.
     assert not world.monitor.sees_server_of(goal.goal_id.bytes)
+    assert world.monitor.seems_replaced(goal.goal_id.bytes)
     world.serve(b"a", b"b", b"c")
     assert goal.servers[-1] == (1, 0)  # and it stays, whatever else comes
     world.serve(b"b")
+    assert not world.monitor.seems_replaced(goal.goal_id.bytes)  # it has gone
     assert goal.servers[-1] == (1, 1)
     assert len(goal.lost) == 2  # a call that waits for that is told
 

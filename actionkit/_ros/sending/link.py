@@ -168,6 +168,10 @@ class Link:
         """Whether a server that the goal was sent to is in sight."""
         return self.monitor.sees_server_of(listener.goal_id.bytes)
 
+    def seems_replaced(self, listener: GoalListener) -> bool:
+        """Whether each server in sight that may have the goal only seems to have been replaced."""
+        return self.monitor.seems_replaced(listener.goal_id.bytes)
+
     def ask_result(self, listener: GoalListener, *, supersedes_earlier: bool = False) -> None:
         """Ask for the goal's result.
 

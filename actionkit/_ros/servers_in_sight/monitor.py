@@ -169,6 +169,11 @@ class ServerMonitor:
         goal = self._goals.get(key)
         return goal is not None and bool(goal.sent_to & self.readiness.servers)
 
+    def seems_replaced(self, key: bytes) -> bool:
+        """Whether each server in sight that may have the goal only seems to have been replaced."""
+        goal, servers = self._goals.get(key), self.readiness.servers
+        return goal is not None and bool(goal.given_to & servers) and not goal.sent_to & servers
+
     def may_be_elsewhere(self, key: bytes) -> bool:
         """Whether another server may have the goal if one says that it does not know it."""
         return self.sees_server_of(key) and self.readiness.count > 1

@@ -532,4 +532,15 @@ MUTANTS = (
             "its server was silent, has forgotten it, and the other had rejected it unheard]",
         ),
     ),
+    Mutant(
+        "C4.4",
+        "what another server does not know makes our cancel somebody else's",
+        "_calls/sending/attempt.py",
+        "answer is CancelAnswer.UNKNOWN_GOAL and not self._link.seems_replaced(self)",
+        "answer is CancelAnswer.UNKNOWN_GOAL",
+        (
+            "unit/test_cancelled_by.py::"
+            "test_who_does_not_know_the_goal_is_not_asked_for_the_one_that_only_seems_replaced",
+        ),
+    ),
 )
