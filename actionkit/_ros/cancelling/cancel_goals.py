@@ -129,10 +129,8 @@ class _Asking:
         from actionkit._ros.cancelling.cancel import GoalCanceller
         from actionkit._ros.others_goals.watch import StatusReader
 
-        def put(news: Any) -> None:
-            self._inbox.put((action, news))
-
-        action, names, place = self.by_name[name], self._survey.names(name), self._survey.place
+        put = _putter(self._inbox, self.by_name[name])
+        names, place = self._survey.names(name), self._survey.place
         reader = StatusReader(names, on_goals=put, on_servers=put, place=place)
         self._stack.callback(reader.close)
         self._cancellers[name] = GoalCanceller(names, put, place)
@@ -161,3 +159,7 @@ class _Asking:
             for fate in action.settle(now, over=False):
                 canceller.stop(fate.goal_id)
                 on_fate(fate)
+
+
+def _putter(inbox: queue.SimpleQueue[Any], action: Cancelling) -> Callable[[Any], None]:
+    return lambda news: inbox.put((action, news))
