@@ -16,12 +16,13 @@ import pytest
 from actionkit._ros.holds import view as views
 from actionkit._ros.holds.ours import new_hold
 from actionkit._ros.holds.state import Hold, HoldState
-from actionkit._ros.holds.topic import TOPIC
+from actionkit._ros.holds.topic import TOPIC, HoldTopic
 from actionkit._ros.holds.view import HoldView
+from actionkit._ros.rclpy_private.native import shut_down
 from actionkit.agents._tool_calls import goal_call
 from actionkit.agents._tool_calls.hold import HoldListener
 from actionkit.testing import isolated_domain
-from tests.conftest import Script
+from tests.conftest import Script, all_is_logged
 from tests.holding import AGENT, known
 from tests.waiting import until
 
@@ -350,3 +351,15 @@ def test_after_an_error_of_the_listener_it_is_not_known(monkeypatch: pytest.Monk
 
 def test_a_call_waits_for_what_a_killed_agent_cannot_tell() -> None:
     assert max(views._FILES_DO, views.SETTLE) + 2.0 < goal_call._UNTIL_KNOWN
+
+
+def test_what_is_said_after_a_shutdown_is_dropped(
+    ros_domain: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As at the end of a program, whose contexts rclpy shuts down at any moment."""
+    topic = HoldTopic(ros_domain, lambda _: None, speaks=True, files="none")
+    shut_down(topic._runtime.context)
+    topic.say("too late")
+    topic.close()
+    all_is_logged()
+    assert not caplog.records

@@ -197,8 +197,11 @@ def test_servers_that_come_at_one_moment_count_once(action_server, make_client):
 
     def tell_again() -> int:
         event = SimpleNamespace(total_count=2, total_count_change=1, current_count=2)
-        link._entities.matched.use(SimpleNamespace(take_data=lambda: event))
-        link._entities.matched.take()
+        matched = link._entities.matched
+        handler = matched._handler
+        matched.use(SimpleNamespace(take_data=lambda: event))
+        matched.take()
+        matched.use(handler)  # the thread waits for that one
         return len(link.readiness.servers)
 
     assert client._session.connection.runtime.run(tell_again) == 2

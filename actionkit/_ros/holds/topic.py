@@ -12,16 +12,16 @@ import logging
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import Log
-from rclpy.exceptions import InvalidHandle
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from actionkit._ros.communication import runtimes
 from actionkit._ros.communication.own_node import make_node
-from actionkit._ros.rclpy_private.native import RCLError
+from actionkit._ros.rclpy_private.native import GONE
 from actionkit._ros.rclpy_private.wait_set import subscribe_raw
 
 TOPIC = "/actionkit/hold"
@@ -77,7 +77,11 @@ class HoldTopic:
 
     def say(self, text: str) -> None:
         """Publish a message, in place of the one before. Returns at once."""
-        self._runtime.call_soon(lambda: self._publisher.publish(Log(name="actionkit", msg=text)))
+        self._runtime.call_soon(partial(self._publish, Log(name="actionkit", msg=text)))
+
+    def _publish(self, message: Log) -> None:
+        with contextlib.suppress(*GONE):
+            self._publisher.publish(message)
 
     def speakers(self) -> list[Speaker]:
         """Return the publishers in sight, also that of this process."""
@@ -115,7 +119,7 @@ class HoldTopic:
 
     def _end(self) -> None:
         self._runtime.disable(self._source)
-        with contextlib.suppress(RCLError, InvalidHandle):
+        with contextlib.suppress(*GONE):
             self._node.destroy_node()
 
     def _take(self) -> None:

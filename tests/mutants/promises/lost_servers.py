@@ -314,4 +314,12 @@ MUTANTS = (
         "        if state is None and outdated and self._has_result:\n",
         ("unit/test_requests.py::test_a_late_answer_to_an_early_question_ends_nothing",),
     ),
+    Mutant(
+        "C5.6",
+        "a server that an earlier event has counted counts as a new one",
+        "_ros/endpoints/entities.py",
+        "event.total_count - self._ever_matched, event.total_count",
+        "event.total_count_change, event.total_count",
+        ("client/test_servers_come_and_go.py::test_servers_that_come_at_one_moment_count_once",),
+    ),
 )
