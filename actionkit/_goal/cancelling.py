@@ -48,7 +48,10 @@ class CancellableGoal(GoalRecord):
 
     def _ask_again(self, now: float) -> list[fx.Effect]:
         """Its caller has left: ask once more, because a refusal need not be the last word."""
-        if not self.in_flight or self.facts.lost or self.awaits_result_of is not None:
+        facts = self.facts
+        # One of several servers may be in sight, though the goal counts as lost.
+        out_of_sight = facts.lost and (facts.servers == 1 or facts.away >= facts.servers)
+        if not self.in_flight or out_of_sight or self.awaits_result_of is not None:
             return []
         self._forget_refusals()
         return self._ask_all_to_cancel(now)

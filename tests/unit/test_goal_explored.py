@@ -230,6 +230,28 @@ FOUND: dict[str, tuple[str, list[tuple[str, Any]]]] = {
             ("answers cancel", (1, 0)),
         ],
     ),
+    "its caller gives up again when one server is gone, and the other refuses": (
+        "a third one comes",
+        [
+            ("comes", 2),
+            ("timer", Timer.ACCEPT),
+            ("cancel again", None),
+            ("accepts", 0),
+            ("is silent", 1),
+            ("answers cancel", (0, 1)),
+            ("result: the answer is late", (1, 1)),
+            ("dies", 0),
+            ("result: the late answer comes", (1, 0)),
+            ("result", (2, 1)),
+            ("result: the answer is late", (1, 1)),
+            ("accepts unseen", 1),
+            ("result", (2, 0)),
+            ("refuses to cancel", (1, 1)),
+            ("refuses to cancel", (1, 0)),
+            ("result: the late answer comes", (1, 0)),
+            CANCELS,
+        ],
+    ),
 }
 """Ways on which a promise was once broken."""
 

@@ -543,4 +543,15 @@ MUTANTS = (
             "test_who_does_not_know_the_goal_is_not_asked_for_the_one_that_only_seems_replaced",
         ),
     ),
+    Mutant(
+        "C2.4",
+        "who gives up again on a goal that counts as lost does not ask the server in sight",
+        "_goal/cancelling.py",
+        "facts.lost and (facts.servers == 1 or facts.away >= facts.servers)",
+        "facts.lost",
+        (
+            "unit/test_goal_explored.py::test_what_was_once_broken["
+            "its caller gives up again when one server is gone, and the other refuses]",
+        ),
+    ),
 )
