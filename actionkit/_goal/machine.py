@@ -525,7 +525,7 @@ class Goal(CancellableGoal):
             self.facts.lost |= self.stage is Stage.LOST  # it came back and left again
             return []
         if self._terminal_seen is not None:
-            return self._result_lost("its server went away before it had sent it", now)
+            return self._result_lost(reason, now)
         self.stage = Stage.LOST
         self.facts.lost = True
         self._forget_refusals()  # the goal may have ended with its server

@@ -240,7 +240,8 @@ def _wrong(record: Record, journal: Journal) -> Iterable[str]:
     unanswered = record.error == "AcceptanceTimeoutError" and "blocks" in journal.done
     if record.error in _TRANSIENT and not journal.struck and not (undiscovered or unanswered):
         yield f"nothing was done to its server: {record.text} {journal.story(record)}"
-    if record.error == "ResultLostError" and not journal.may_miss_an_end:
+    guess = "linger" in journal.done and "it was restarted, or started twice" in record.text
+    if record.error == "ResultLostError" and not (journal.may_miss_an_end or guess):
         yield f"its server was there all the time: {record.text} {journal.story(record)}"
     if record.error == "ServerUnavailableError" and journal.of_all(set(record.goals)):
         yield f"something was sent: {record.text} {journal.story(record)}"

@@ -141,6 +141,15 @@ def test_a_server_that_blocks_is_not_lost():
     assert found(unanswered, journal(*RUNS, done=("blocks",))) == []
 
 
+def test_a_result_counts_as_lost_if_its_server_seems_restarted_and_the_error_says_so():
+    text = "its result cannot be had: it was restarted, or started twice: a server"
+    lost = replace(DEADLINE, error="ResultLostError", cancel="", text=text)
+    done = journal(*RUNS, "succeeded", done=("linger",))
+    assert found(lost, done) == []
+    assert found(replace(lost, text="its server is gone"), done) == ["wrong"]
+    assert found(lost, journal(*RUNS, "succeeded", done=("stop",))) == ["wrong"]
+
+
 def test_goals_that_may_still_run_are_named():
     goal = "0a1b2c3d-0000-4000-8000-0123456789ab"
     assert named(f"WARNING:1 goal MAY STILL BE RUNNING: no server ... steady {goal} stopped") == {

@@ -523,8 +523,11 @@ class CallLife:
 
     def _is_idle(self) -> bool:
         """Whether no goal is under way: a pause, or a wait for a server or for its turn."""
-        judged = self.call._judging.under_way or self.call.machine.confirming
-        return not judged and self.call.machine.attempt is None
+        machine = self.call.machine
+        judged = self.call._judging.under_way or machine.confirming
+        # A late success is the call's end, so its result is waited for (C4.3).
+        awaited = any(earlier.goal.awaits_result_of for earlier in machine.earlier)
+        return not (judged or awaited) and machine.attempt is None
 
     def _require_end_of_idle(self, idle: bool) -> None:
         """A pause, or a wait for a server, ends at once."""

@@ -275,7 +275,7 @@ def test_a_server_may_go_away_before_it_has_sent_the_result() -> None:
         End.RESULT_LOST,
         GoalState.LOST,
         ended_as=GoalState.SUCCEEDED,
-        lost_because="its server went away before it had sent it",
+        lost_because="gone",
     )
     assert life.count(Release) == 1
 
