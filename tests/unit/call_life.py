@@ -31,6 +31,7 @@ from actionkit._calls.sending import call as call_module
 from actionkit._calls.sending import call_record as record_module
 from actionkit._calls.sending.attempt import Attempt
 from actionkit._calls.sending.call import Call
+from actionkit._calls.sending.machine import Phase
 from actionkit._calls.sending.request import Request
 from actionkit._goal.facts import GoalFacts
 from actionkit._goal.stages import CONFIRMED_AFTER
@@ -525,9 +526,10 @@ class CallLife:
         """Whether no goal is under way: a pause, or a wait for a server or for its turn."""
         machine = self.call.machine
         judged = self.call._judging.under_way or machine.confirming
-        # A late success is the call's end, so its result is waited for (C4.3).
-        awaited = any(earlier.goal.awaits_result_of for earlier in machine.earlier)
-        return not (judged or awaited) and machine.attempt is None
+        # From an earlier cancel on, there is a limit for what may come yet: a late acceptance with
+        # its cancellation, or a late success.
+        waits = judged or machine.phase is Phase.CONFIRMING
+        return not waits and machine.attempt is None
 
     def _require_end_of_idle(self, idle: bool) -> None:
         """A pause, or a wait for a server, ends at once."""

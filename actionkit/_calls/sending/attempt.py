@@ -112,6 +112,7 @@ class Attempt:
         self._in_outbox = True
         self._cancels = 0  # requests sent, minus those for which a server did not know the goal
         self._first_cancel_at = 0.0  # when the first of them was sent
+        self._ended_by_us: bool | None = None  # whether one of them may have ended it
 
     @property
     def unwanted(self) -> bool:
@@ -121,7 +122,7 @@ class Attempt:
     @property
     def cancel_is_ours(self) -> bool:
         """Whether one of our cancel requests may have cancelled the goal (C4.4)."""
-        return self._cancels > 0
+        return self._cancels > 0 if self._ended_by_us is None else self._ended_by_us
 
     # --- the caller's wishes ---------------------------------------------------------------
 
@@ -224,7 +225,9 @@ class Attempt:
     ) -> None:
         if state is None and outdated:
             return  # "goal unknown" answers an old request; the result was requested again
-        ours, own = self.cancel_is_ours, self._link.sees_server_of(self)
+        ours, own = self._cancels > 0, self._link.sees_server_of(self)
+        if state is not None:
+            self._ended_by_us = ours  # what is sent from now on has not done it
         now, seen = self._now(), self.goal.stage is not Stage.LOST
         self._apply(
             self.goal.result(

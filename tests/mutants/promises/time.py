@@ -554,4 +554,15 @@ MUTANTS = (
             "its caller gives up again when one server is gone, and the other refuses]",
         ),
     ),
+    Mutant(
+        "C4.4",
+        "a cancel that is sent because of the goal's end counts as its cause",
+        "_calls/sending/attempt.py",
+        "            self._ended_by_us = ours  # what",
+        "            pass  # what",
+        (
+            "unit/test_call_properties.py::test_subtle_orders["
+            "what somebody else cancelled is not retried, also if that shows that it was accepted]",
+        ),
+    ),
 )
