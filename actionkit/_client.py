@@ -186,6 +186,7 @@ class Client(Generic[ActionT_co]):
         classify: Classify | None = None,
         replaces: GoalFuture[Any, Any] | None = None,
         preempt: bool = False,
+        key: str | None = None,
     ) -> ResultT:
         """Send a goal and wait for its result.
 
@@ -211,22 +212,36 @@ class Client(Generic[ActionT_co]):
                 earlier one when this one comes (as Nav2 does). The earlier call ends as `REPLACED`,
                 with a `CancelledError`, when its goal has stopped, or with its result if the goal
                 succeeds first. It is not tried again.
+            key: A name of this goal in the client's ledger, such as `"leg-3"`. The goal is done
+                once, also if the program is killed and started again. If an earlier call with the
+                key, of this or an earlier process, has succeeded, this returns its result, and
+                sends nothing. If the goal of that call runs, this follows it, and giving up
+                cancels it. If it has failed, it is sent again. If no server knows it, it may have
+                finished: that is a `GoalUnknownError`.
 
         Returns:
             The action's result message.
 
         Raises:
             ActionKitError: The call failed; each subclass is one way to fail. `LedgerError`: the
-                goal could not be written down, and was not sent.
+                goal could not be written down, and was not sent; or another call with its `key`
+                is in flight.
             concurrent.futures.CancelledError: `cancel_all()`, `cancel_everything()` or
                 `cancel_on_signals()` cancelled the call.
             RuntimeError: Called from one of ActionKit's own callbacks, or after a fork.
-            TypeError, ValueError: An argument is wrong.
+            TypeError, ValueError: An argument is wrong, or `key` was used for another goal.
         """
         refuse_in_callback()
         warn_on_event_loop("Client.call()", "await client.call_async()")
         call = self._prepare(
-            goal, on_feedback, timeout, retry, classify, replaces=replaces, preempt=preempt
+            goal,
+            on_feedback,
+            timeout,
+            retry,
+            classify,
+            replaces=replaces,
+            preempt=preempt,
+            key=key,
         )
         future: GoalFuture[ResultT, FeedbackT] = call.future
         try:
@@ -247,6 +262,7 @@ class Client(Generic[ActionT_co]):
         classify: Classify | None = None,
         replaces: GoalFuture[Any, Any] | None = None,
         preempt: bool = False,
+        key: str | None = None,
     ) -> GoalFuture[ResultT, FeedbackT]:
         """Send a goal and return at once. Does not wait for a server.
 
@@ -261,18 +277,28 @@ class Client(Generic[ActionT_co]):
             classify: Used instead of the client's.
             replaces: As for `call`.
             preempt: As for `call`.
+            key: As for `call`.
 
         Returns:
             A `concurrent.futures.Future` that can also be awaited.
 
         Raises:
             ClientClosedError: The client was closed.
-            LedgerError: The goal could not be written down, and was not sent.
+            LedgerError: The goal could not be written down, and was not sent; or another call with
+                its `key` is in flight.
             RuntimeError: This process was forked from the client's.
-            TypeError, ValueError: An argument other than `goal` is wrong.
+            TypeError, ValueError: An argument other than `goal` is wrong, or `key` was used for
+                another goal.
         """
         call = self._prepare(
-            goal, on_feedback, timeout, retry, classify, replaces=replaces, preempt=preempt
+            goal,
+            on_feedback,
+            timeout,
+            retry,
+            classify,
+            replaces=replaces,
+            preempt=preempt,
+            key=key,
         )
         self._session.begin(call)
         return call.future
@@ -362,6 +388,7 @@ class Client(Generic[ActionT_co]):
         preempt: bool = False,
         attach: uuid.UUID | None = None,
         left_alone: bool = False,
+        key: str | None = None,
     ) -> Call:
         self._session.check()
         unset = isinstance(timeout, Unset)
@@ -370,6 +397,10 @@ class Client(Generic[ActionT_co]):
             check_type("retry", retry, RetryPolicy)
         check_classify(classify, self._action_type)
         check_replaces(replaces, preempt, self._session)
+        if key is not None:
+            from actionkit._calls.sending.keyed import check_key
+
+            check_key(key, self._session, retry or self._retry, replaces)
         callbacks = callbacks_for(on_feedback, self.action_name, self._pool)
         message = invalid = None
         try:
@@ -391,6 +422,7 @@ class Client(Generic[ActionT_co]):
                 replaces=replaces,
                 preempt=preempt,
                 attach=attach,
+                key=key,
                 left_alone=left_alone,
                 before_resend=before_resend,
             )

@@ -97,6 +97,7 @@ def prepare_call(
     on_feedback: Callable[[Any], object] | None = None,
     before_resend: Callable[[], object] | None = None,
     preempts: GoalFuture[Any, Any] | None = None,
+    key: str | None = None,
 ) -> tuple[GoalFuture[Any, Any], Callable[[], None]]:
     """Return the future of a call that has not begun, and the function that begins it.
 
@@ -105,7 +106,7 @@ def prepare_call(
     `replaces=` with `preempt=True`.
     """
     arguments = goal, on_feedback, timeout, retry, classify, before_resend
-    call = client._prepare(*arguments, replaces=preempts, preempt=preempts is not None)
+    call = client._prepare(*arguments, replaces=preempts, preempt=preempts is not None, key=key)
     return call.future, partial(client._session.begin, call)
 
 

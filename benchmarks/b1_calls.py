@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from functools import partial
 from itertools import product
 
-from benchmarks.clients import FLOOR, LEDGER, OURS
+from benchmarks.clients import FLOOR, KEYS, LEDGER, MANY_KEYS, OURS
 from benchmarks.measure import Report, Scale, Verdict, alternate, best, figure, ratio
 from benchmarks.pairs import FORGETFUL, Pair
 from benchmarks.variants import COMPARED, RAW
@@ -17,8 +17,15 @@ _LIMITS = {"rclcpp": {"cpu": 2.0, "latency": 1.5}, FLOOR: {"cpu": 1.4, "latency"
 """What a call may cost, to these."""
 _LEDGER_ADDS = 0.1
 """Milliseconds."""
-_ACTIONS = {OURS[0]: "without", LEDGER: "with_ledger"}
-"""The actions of the clients without and with a ledger."""
+_KEY_ADDS = 0.4
+"""The same; the future waits until its result is written."""
+_ACTIONS = {
+    OURS[0]: "without",
+    LEDGER: "with_ledger",
+    KEYS: "with_keys",
+    MANY_KEYS: "with_many_keys",
+}
+"""The actions of the clients without a ledger, with one, and with keys in it."""
 _NAMES = {"cpu": "client CPU", "latency": "latency"}
 
 
@@ -75,8 +82,12 @@ def _ledger(report: Report, scale: Scale) -> None:
             pair.client.do("open", name=action, variant=name)
         turns = {name: partial(pair.turn, _CALLS, 5, name=one) for name, one in _ACTIONS.items()}
         samples = alternate(scale.pick(100, 300), turns, "1, ledger")
-    both = zip(samples[LEDGER], samples[OURS[0]], strict=True)
-    added = statistics.median(float(kept["cpu"]) - float(plain["cpu"]) for kept, plain in both)
-    report.verdicts.append(
-        Verdict("order 5: CPU that a ledger adds", 1e3 * added, _LEDGER_ADDS, "ms")
+    pairs = (
+        ("a ledger", LEDGER, OURS[0], _LEDGER_ADDS),
+        ("a key", KEYS, LEDGER, _KEY_ADDS),
+        ("100,000 keys in the file", MANY_KEYS, KEYS, _LEDGER_ADDS),
     )
+    for what, more, less, limit in pairs:
+        both = zip(samples[more], samples[less], strict=True)
+        added = statistics.median(float(kept["cpu"]) - float(plain["cpu"]) for kept, plain in both)
+        report.verdicts.append(Verdict(f"order 5: CPU that {what} adds", 1e3 * added, limit, "ms"))

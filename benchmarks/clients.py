@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
+import itertools
 import tempfile
 import threading
 import time
@@ -30,6 +31,7 @@ from test_msgs.action import Fibonacci
 from unique_identifier_msgs.msg import UUID
 
 from actionkit import Client, Ledger
+from actionkit._calls.ledger.file import flush
 from actionkit._ros.workarounds.listener_hang import stop_listening
 from benchmarks.variant import PATIENCE, OnFeedback, Variant
 
@@ -71,8 +73,40 @@ class WithLedger(Blocking):
 
     def in_a_row(self, calls: int, order: int, on_feedback: OnFeedback | None) -> list[float]:
         took = super().in_a_row(calls, order, on_feedback)
-        self._ledger._flush()  # what it does a little later counts, too
+        flush()  # what it does a little later counts, too
         return took
+
+
+class WithKeys(WithLedger):
+    """The same, where each call has a key."""
+
+    others = 0
+    """How many other keys are in the file."""
+
+    def open(self, name: str) -> None:
+        super().open(name)
+        self._numbers = itertools.count()
+        rows = [(f"old {number}",) for number in range(self.others)]
+        with self._ledger._store.change() as file:
+            file.executemany(
+                "INSERT INTO keys SELECT ?, 'a', 'b', 'c', 0, zeroblob(16), hex(randomblob(16)), 1,"
+                " 2, zeroblob(60), 0.0",
+                rows,
+            )
+
+    def call(self, order: int, on_feedback: OnFeedback | None) -> Any:
+        return self.client.call(
+            Fibonacci.Goal(order=order),
+            PATIENCE,
+            on_feedback=on_feedback,
+            key=f"leg {next(self._numbers)}",
+        ).sequence
+
+
+class WithManyKeys(WithKeys):
+    """The same, with a file that has many."""
+
+    others = 100_000
 
 
 class Awaiting(Blocking):
@@ -205,6 +239,7 @@ class MultiThreaded(OneThread):
 
 OURS = ("ActionKit blocking", "ActionKit await")
 LEDGER, FLOOR = "ActionKit with ledger", "least in Python"
+KEYS, MANY_KEYS = "ActionKit with keys", "ActionKit with 100,000 keys"
 BEST_RAW = "rclpy one thread"
 """The best of the raw ones where only one is measured."""
 

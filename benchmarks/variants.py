@@ -5,13 +5,17 @@ from __future__ import annotations
 from benchmarks.bridges import SpinningTask, SpinningThread
 from benchmarks.clients import (
     FLOOR,
+    KEYS,
     LEDGER,
+    MANY_KEYS,
     Awaiting,
     Blocking,
     MultiThreaded,
     OneThread,
     Tutorial,
+    WithKeys,
     WithLedger,
+    WithManyKeys,
 )
 from benchmarks.floor import Floor
 from benchmarks.rclcpp_client import Rclcpp, prefix
@@ -32,4 +36,5 @@ if prefix() is not None:
 COMPARED = tuple(VARIANTS)
 """Those that are compared with each other."""
 VARIANTS[LEDGER] = WithLedger
+VARIANTS[KEYS], VARIANTS[MANY_KEYS] = WithKeys, WithManyKeys
 RAW = tuple(name for name in VARIANTS if name.startswith(("rclpy", "asyncio")))

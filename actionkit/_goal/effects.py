@@ -99,6 +99,7 @@ class Ending:
     refused: bool = False  # the server refused to cancel it, and the attempt ended for that
     goals: tuple[GoalReport, ...] = ()  # of the same call (C2.8)
     earlier: tuple[GoalReport, ...] = ()  # of the call to replace: those that may run
+    from_ledger: bool = False  # an earlier call with its key has succeeded
     served: tuple[str, ...] = ()  # the types of the name, if none is the client's
     error: BaseException | None = None  # what is wrong with the goal, or what broke our side
     lost_because: str = ""

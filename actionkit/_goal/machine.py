@@ -21,6 +21,7 @@ from actionkit._goal.stages import (
     FIRST_REASK,
     LAST_RESULT_PAUSE,
     LAST_UNKNOWN_PAUSE,
+    LATE_ACCEPTANCE,
     LONG_PAUSE,
     LONGEST_PAUSE,
     LONGEST_RESULT_PAUSE,
@@ -46,11 +47,15 @@ class Goal(CancellableGoal):
         watch: list[fx.Effect] = [fx.WatchStatus()] if self.watched_early else []
         return [self._enter(GoalState.SENT), *watch, *self._arm_accept(now), self._arm_reask(now)]
 
-    def attached(self, now: float, servers: int, *, left_alone: bool) -> list[fx.Effect]:
+    def attached(
+        self, now: float, servers: int, *, left_alone: bool, just_sent: bool = False
+    ) -> list[fx.Effect]:
         """Somebody else has sent it, and one of so many servers may have it: begin to follow it.
 
-        With `left_alone`, only the caller's explicit cancel cancels it.
+        With `left_alone`, only the caller's explicit cancel cancels it. With `just_sent`, a server
+        that does not know it may still accept it.
         """
+        self._doubted_for = LATE_ACCEPTANCE if just_sent else CONFIRMED_AFTER
         self.facts.attached = True
         self._left_alone = left_alone
         self.state = GoalState.SENT
@@ -450,7 +455,8 @@ class Goal(CancellableGoal):
             self._forgotten_at = now
             self._reask_after = CONFIRMED_AFTER
             return [self._arm_reask(now)]
-        if asked_at < self._forgotten_at + CONFIRMED_AFTER:
+        doubted_for = self._doubted_for if self.stage is Stage.SENT else CONFIRMED_AFTER
+        if asked_at < self._forgotten_at + doubted_for:
             return []  # on a slow network, such answers may arrive for seconds
         if self.stage is Stage.SENT:
             return self._nobody_knows(now)

@@ -9,7 +9,9 @@ from typing import Any
 from actionkit._goal import effects as fx
 from actionkit._goal.facts import GoalFacts
 from actionkit._goal.stages import (
+    CONFIRMED_AFTER,
     FIRST_REASK,
+    LATE_ACCEPTANCE,
     WITH_END,
     CancelReason,
     CancelReply,
@@ -40,6 +42,7 @@ class GoalRecord:
         self.facts = GoalFacts(goal_id)
         self._unknown_to_server = False
         self._denied_lately = False  # "unknown goal" was answered since the last request
+        self._doubted_for = CONFIRMED_AFTER  # until no server knows a goal that none has shown
         self._forgotten_at: float | None = None  # when it first forgot a goal that it had
         self._terminal_seen: GoalState | None = None
         self._ended_first = False  # before the caller gave up
@@ -118,7 +121,11 @@ class GoalRecord:
 
     def _arm_accept(self, now: float) -> list[fx.Effect]:
         limit = self._timeouts.accept
-        return [] if limit is None else [fx.Arm(fx.Timer.ACCEPT, now + limit)]
+        if limit is None:
+            return []
+        if self._doubted_for > CONFIRMED_AFTER:
+            limit += LATE_ACCEPTANCE  # else it would end before it is known whether it runs
+        return [fx.Arm(fx.Timer.ACCEPT, now + limit)]
 
     def _arm_result(self, now: float) -> list[fx.Effect]:
         limit = self._timeouts.result

@@ -30,6 +30,10 @@ that it has accepted. rclpy's servers answer both also for a goal that they are 
 they refuse also if it has just ended (R12). Then the second answer, or the result, shows that; a
 server that is not busy sends both within 0.3 s."""
 
+LATE_ACCEPTANCE = 9.0
+"""Seconds in which a busy server may still accept a goal that a process sent just before it ended.
+The server is asked again and again: after this pause, and those before it, it is 9.3 s."""
+
 
 class Stage(Enum):
     """Where the goal is, according to what we know."""

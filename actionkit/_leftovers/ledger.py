@@ -9,7 +9,9 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
+from actionkit._calls.ledger import keys
 from actionkit._calls.ledger.file import LedgerFile
+from actionkit._calls.ledger.keys import KeyFate
 from actionkit._calls.ledger.store import Leftover, attempt_number
 from actionkit._model.arguments import UNSET, Unset
 from actionkit._model.errors import LedgerError
@@ -50,6 +52,30 @@ class Ledger(LedgerFile):
             LedgerError: The file cannot be used.
         """
         return self._store.leftovers()
+
+    def keys(self) -> dict[str, KeyFate]:
+        """Return the keys of calls, the oldest first, and what is known of the goal of each.
+
+        `"succeeded"`: its result is kept. `"running"`: it may run. `"stopped"`: it has failed, was
+        stopped, or was not sent so far; the next call sends it. `"unknown"`: no server knows it, so
+        it does not run, but it may have finished.
+
+        Raises:
+            LedgerError: The file cannot be used.
+        """
+        return keys.fates(self._store)
+
+    def forget(self, key: str) -> bool:
+        """Remove a key, and the result that is kept with it. The next call with it sends its goal.
+
+        Returns:
+            Whether the key was there.
+
+        Raises:
+            LedgerError: Its goal may run: cancel it first, or call with the key to follow it. Or
+                the file cannot be used.
+        """
+        return keys.forget(self._store, key)
 
     def cancel(self, timeout: float = 10.0) -> dict[Leftover, CancelReport]:
         """Cancel the goals that processes have left, and wait until they have stopped.
@@ -96,6 +122,9 @@ class Ledger(LedgerFile):
                     left = max(0.0, until - time.monotonic())
                     told.update(cancel_all(claimed, left, server, unseen))
                     stopped += [goal for goal in claimed if told[goal] in _STOPPED]
+                    # Those that were not needed may have finished.
+                    confirmed = [goal for goal in stopped if told[goal] is CancelReport.CONFIRMED]
+                    keys.confirm_stopped(self._store, confirmed)
                     if forgotten is not None:
                         forgotten |= unseen
                         stopped.extend(unseen)

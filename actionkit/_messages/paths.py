@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import re
 from collections.abc import Mapping, Sequence
@@ -83,6 +84,25 @@ def message_class(slot: Any) -> type:
     """Return the Python class of a field's `NamespacedType`."""
     module = importlib.import_module(".".join(slot.namespaces))
     return getattr(module, slot.name)  # type: ignore[no-any-return]
+
+
+@cache
+def layout_of(*classes: type) -> str:
+    """Return the names and types of all fields of message classes, as a hash."""
+    texts: list[str] = []
+    for cls in classes:
+        _describe(cls, texts)
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()
+
+
+def _describe(cls: type, texts: list[str]) -> None:
+    for name, (slot, text) in slots_of(cls).items():
+        texts.append(f"{name} {text}")
+        element = getattr(slot, "value_type", slot)
+        if hasattr(element, "namespaces"):  # a message
+            texts.append("(")
+            _describe(message_class(element), texts)
+            texts.append(")")
 
 
 def unknown_field(

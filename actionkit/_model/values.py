@@ -234,6 +234,8 @@ class Outcome(Generic[ResultT]):
         elapsed: Seconds from the call to its end.
         goals: The goals that were sent, oldest first: all that may be running, and the last 100 of
             the others.
+        from_ledger: Whether an earlier call with the same `key=` had succeeded. Then the result is
+            that of the earlier call, and nothing was sent.
     """
 
     status: GoalState
@@ -247,6 +249,7 @@ class Outcome(Generic[ResultT]):
     feedback_count: int = 0
     elapsed: float = 0.0
     goals: tuple[GoalReport, ...] = ()
+    from_ledger: bool = False
 
     def __repr__(self) -> str:
         # A whole timeline, and a result with an image in it, would fill the screen.

@@ -16,7 +16,7 @@ from actionkit import Client, GoalFuture
 from actionkit._internal_api import Classify, check_classify, close_together
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
 from actionkit._model.arguments import check_type
-from actionkit._model.errors import ActionKitError, ClientClosedError, InvalidGoalError
+from actionkit._model.errors import ActionKitError, ClientClosedError, InvalidGoalError, LedgerError
 from actionkit._model.printable import on_one_line
 from actionkit._model.settings import RetryPolicy, check_seconds
 from actionkit.trees import _words
@@ -54,6 +54,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         feedback_key: str | None = None,
         result_key: str | None = None,
         earlier_goal: Literal["wait", "fail", "preempt"] = "wait",
+        key: str | Callable[[], str] | None = None,
         server_timeout: float | None = 5.0,
     ) -> None:
         """Make a leaf. Sends nothing, and makes no client yet.
@@ -79,6 +80,9 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
                 the earlier goal is cancelled, and the new one is sent at once, as by
                 `preempt=True` of `Client.call`. Never use it with a server that runs goals side by
                 side, or one after the other. If the server is silent, it is the same as `"wait"`.
+            key: As for `Client.call`, with a client that has a ledger. A function is called in the
+                tick each time a goal is sent: if the leaf sends several goals, as under a `Repeat`,
+                each needs a key of its own.
             server_timeout: Seconds that `setup()` waits for the server of a client that it makes;
                 `None` means no limit.
 
@@ -96,6 +100,11 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         if earlier_goal not in ("wait", "fail", "preempt"):
             raise ValueError(f"earlier_goal={earlier_goal!r} must be 'wait', 'fail' or 'preempt'")
         self._retry, self._classify, self._earlier_goal = retry, classify, earlier_goal
+        if key is not None and not (isinstance(key, str) or callable(key)):
+            raise TypeError(f"key={key!r} must be a str, or a function that returns one")
+        if key is not None and earlier_goal == "preempt":
+            raise ValueError("key= contradicts earlier_goal='preempt': a key's goal is sent once")
+        self._key = key
         self._board = self.attach_blackboard_client()
         self._source = GoalSource(goal, self._hold.action_type.Goal, self._board)
         self._feedback_key, self._result_key = feedback_key, result_key
@@ -221,8 +230,9 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
                 return
             how = self._retry, self._classify, preempted[-1] if preempted else None
             try:
-                run.start(client, self._source.goal(self), *how)
-            except (NoGoalError, ClientClosedError) as error:
+                key = self._key() if callable(self._key) else self._key
+                run.start(client, self._source.goal(self), *how, key=key)
+            except (NoGoalError, ClientClosedError, LedgerError) as error:
                 run.problem = str(error)
 
     def _wait_for(self, oldest: Run, run: Run, client: Client[Any]) -> None:

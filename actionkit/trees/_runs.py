@@ -44,13 +44,16 @@ class Run:
         retry: RetryPolicy | None,
         classify: Classify | None,
         preempts: Run | None = None,
+        key: str | None = None,
     ) -> None:
         """Send the goal, unless it was sent already or the run was given up.
 
-        `preempts` is an earlier run: the server stops its goal when it gets this one.
+        `preempts` is an earlier run: the server stops its goal when it gets this one. `key` is that
+        of `Client.call`.
 
         Raises:
             ClientClosedError: The client was closed.
+            LedgerError, ValueError: As for `Client.call`.
             RuntimeError: This process was forked from the client's.
         """
         try:
@@ -62,7 +65,9 @@ class Run:
         try:
             # Kept before the call begins, so that an interruption here cannot lose a goal.
             earlier = None if preempts is None else preempts.future
-            self.future, begin = prepare_call(client, goal, left, retry, classify, preempts=earlier)
+            self.future, begin = prepare_call(
+                client, goal, left, retry, classify, preempts=earlier, key=key
+            )
             if not self.unwanted:
                 begin()
         except BaseException as error:

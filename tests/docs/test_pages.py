@@ -33,6 +33,7 @@ PAGES: dict[str, list[tuple[str, Mapping[str, Any]]]] = {
     "guides/callbacks.md": [_FIBONACCI],
     "guides/deployment.md": [_FIBONACCI],
     "guides/killed-programs.md": [_FIBONACCI],
+    "guides/missions.md": [_FIBONACCI],
     "guides/launch.md": [("fibonacci", {"action_name": "robot1/count", "period": 0.02})],
     "guides/lifecycle.md": [_FIBONACCI],
     "guides/replacing-a-goal.md": [

@@ -146,6 +146,12 @@ WRONG = {
     "server_timeout": ({"server_timeout": "x"}, TypeError, "server_timeout='x'"),
     "retry": ({"retry": 3}, TypeError, "retry=3"),
     "classify": ({"classify": 3}, TypeError, "classify=3"),
+    "ledger key": ({"key": 3}, TypeError, "key=3 must be a str, or a function"),
+    "key and preempt": (
+        {"key": "leg", "earlier_goal": "preempt"},
+        ValueError,
+        "contradicts earlier_goal='preempt'",
+    ),
     "earlier_goal": ({"earlier_goal": "stop"}, ValueError, "'wait', 'fail' or 'preempt'"),
     "key": ({"result_key": "a.b"}, ValueError, "result_key='a.b'"),
     "empty key": ({"feedback_key": ""}, ValueError, "feedback_key=''"),

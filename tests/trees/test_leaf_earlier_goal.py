@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 import os
+from pathlib import Path
 from typing import Any
 
 import pytest
 from py_trees.common import Status
 from test_msgs.action import Fibonacci
 
-from actionkit import GoalState, RetryPolicy, Timeouts
+from actionkit import GoalState, Ledger, RetryPolicy, Timeouts
 from actionkit._ros.servers_in_sight.monitor import _IN_SIGHT_WITHIN
 from actionkit.servers import _process
 from actionkit.testing import tick_until
@@ -75,6 +76,35 @@ def test_or_the_server_stops_it_when_the_new_goal_comes(
     leaf.stop(Status.INVALID)
     assert leaf.future.outcome(BOUND).status is GoalState.CANCELED
     assert received(server) == 2
+
+
+def test_a_goal_with_a_key_is_sent_once(
+    place: Place, open_client: MakeClient, tmp_path: Path
+) -> None:
+    server = place.server("keyed", "fibonacci")
+    client = open_client("keyed", ledger=Ledger(tmp_path / "goals.db"))
+    legs = iter(["leg-1", "leg-1", "leg-2"])
+    leaf = ActionBehaviour("a", client, {"order": 1}, key=lambda: next(legs))
+    for sent in (1, 1, 2):
+        tick_until(leaf, lambda: leaf.status is Status.SUCCESS, BOUND)
+        assert received(server) == sent
+        leaf.stop(Status.INVALID)
+
+
+def test_a_key_in_other_hands_is_a_failure(
+    place: Place, open_client: MakeClient, tmp_path: Path
+) -> None:
+    server = place.server("keyed_and_busy", "never_finishes")
+    client = open_client("keyed_and_busy", ledger=Ledger(tmp_path / "goals.db"))
+    future = client.call_async({"order": 1}, key="leg")
+    leaf = ActionBehaviour("a", client, {"order": 1}, key="leg")
+    leaf.tick_once()
+    assert leaf.status is Status.FAILURE
+    assert "is in the hands of another call of this process" in leaf.feedback_message
+    server.wait_for("executing")
+    future.cancel()
+    assert future.outcome(BOUND).status is GoalState.CANCELED
+    assert received(server) == 1
 
 
 def test_a_refused_cancel_is_waited_for_and_told(place: Place, open_client: MakeClient) -> None:

@@ -109,12 +109,12 @@ class Attempt:
 class World:
     """The truth, with the machines in it."""
 
-    attaches = left_alone = may_be_replaced = False
+    attaches = rejoins = left_alone = may_be_replaced = False
 
     def __init__(self, resend: str, attempts: int, servers: int, returns: int = 1) -> None:
         self.ids = iter(uuid.UUID(int=number + 1) for number in range(100))
         ids = (next(self.ids), resend, 5.0, DEADLINE, lambda: next(self.ids))
-        self.m = CallMachine(*ids, attaches=self.attaches)
+        self.m = CallMachine(*ids, attaches=self.attaches, keyed=self.rejoins)
         self.most = attempts
         self.servers = [ABSENT] * servers
         self.attempts: list[Attempt] = []
@@ -179,6 +179,7 @@ class World:
             self.replacement,
         )
         waits = (self.pause, self.awaiting, self.queued, m._wait_until, self.hurried)
+        waits += (m.attaches, m.seen_running)
         told = (
             self.settled,
             self.returns,
@@ -234,7 +235,10 @@ class World:
 
     def apply(self, attempt: Attempt, effects: list[fx.Effect]) -> None:
         for effect in effects:
-            if isinstance(effect, fx.Arm):
+            if isinstance(effect, fx.Record) and attempt.number == 1:
+                running = (GoalState.EXECUTING, GoalState.CANCELING)
+                self.m.seen_running |= effect.state in running
+            elif isinstance(effect, fx.Arm):
                 attempt.timers |= {effect.timer} - {fx.Timer.REASK}
             elif isinstance(effect, fx.Disarm):
                 attempt.timers -= {effect.timer}
@@ -424,7 +428,7 @@ class World:
     def attach(self) -> None:
         m = self.m
         goal = Goal(m.goal_id, Timeouts(feedback=3.0, result=None))
-        made = Attempt(m.goal_id, goal, m.attempts)
+        made = Attempt(m.goal_id, goal, len(self.attempts) + 1)
         made.given_to = made.sent_to = self.up
         self.attempts.append(made)
         m.sent(made)
@@ -433,10 +437,10 @@ class World:
             self.give_up(CancelReason.CANCELLED)
 
     def send(self) -> None:
-        if self.attaches and not self.fails:
+        m = self.m
+        if m.attaches and not self.fails:
             self.attach()
             return
-        m = self.m
         if self.fails:
             self.do(m.send_failed(ValueError()))
             return
@@ -463,7 +467,7 @@ class World:
         for s in self.up:
             truth[s][0] += 1
         goal = Goal(m.goal_id, Timeouts(feedback=3.0, result=None))
-        made = Attempt(m.goal_id, goal, m.attempts)
+        made = Attempt(m.goal_id, goal, len(self.attempts) + 1)
         made.given_to = made.sent_to = self.up
         self.attempts.append(made)
         m.sent(made)
@@ -585,7 +589,8 @@ class World:
             raise Broken("it ended before a server in sight could confirm that all goals stopped")
         if ending.phase == "cancel" and not ending.lost_because and not self.waited:
             raise Broken("its text says that a server was waited for, and nobody waited")
-        if ending.end is fx.End.NO_SERVER and (self.attempts or self.up):
+        earlier_call = 1 if self.rejoins and not self.m.attaches else 0
+        if ending.end is fx.End.NO_SERVER and (self.attempts[earlier_call:] or self.up):
             raise Broken("there was a server (C2.7)")
         cancels = self.attaches and ending.phase == "cancel"
         if ending.end is fx.End.DEADLINE and not (self.had_server or cancels):
@@ -713,6 +718,12 @@ class Attached(World):
     """The call follows a goal that somebody else has sent, and that it cancels when it gives up."""
 
     attaches = True
+
+
+class Rejoined(Attached):
+    """An earlier call with its key has sent the goal; another one is sent if that has failed."""
+
+    rejoins = True
 
 
 class LeftAlone(Attached):

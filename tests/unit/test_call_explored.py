@@ -15,6 +15,7 @@ from tests.unit.explore_call import (
     Attached,
     LeftAlone,
     Refused,
+    Rejoined,
     Replaced,
     World,
     explore,
@@ -45,6 +46,7 @@ KINDS = {
     Refused: ("never_accepted", 1),
     Attached: ("never_accepted", 1),
     LeftAlone: ("never_accepted", 1),
+    Rejoined: ("confirmed_stopped", 2),
     Replaced: ("always", 2),
 }
 

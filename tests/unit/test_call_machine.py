@@ -611,3 +611,61 @@ def test_closing_leaves_it_alone() -> None:
     machine.begin(None, NOW)
     closed = Ending(End.CLOSED, GoalState.SENDING, given_up=True)
     assert machine.give_up(CLOSED) == ends(with_goals(machine, closed))
+
+
+# --- a goal that an earlier call with the key has sent (contract C1.17) --------------------------
+
+
+def rejoined(
+    ending: Ending, *, seen_running: bool = False, deadline: float | None = None
+) -> tuple[CallMachine, list[cx.Effect]]:
+    """A call whose key's goal was the second of an earlier call, and has ended so."""
+    machine = call(attaches=True, keyed=True)
+    machine.use_ids(lambda number: uuid.UUID(int=100 + number), sent_before=1)
+    queue(machine)
+    machine.turn(NOW)
+    attempt = Sent(machine.goal_id, **OVER)
+    machine.sent(attempt)
+    machine.seen_running, machine._deadline = seen_running, deadline
+    return machine, machine.ended(attempt, ending)
+
+
+def test_a_goal_that_had_failed_before_the_call_does_not_count_as_an_attempt() -> None:
+    machine, effects = rejoined(ABORTED)
+    assert effects == [cx.Judge(ABORTED)]
+    assert machine.judged(ABORTED, None, Verdict.PERMANENT) == [cx.Pause(0.0)]
+    machine.resume(NOW)
+    assert (machine.goal_id, machine.attempts, machine.number) == (uuid.UUID(int=103), 1, 3)
+    machine.server_ready()
+    assert machine.turn(NOW) == [cx.Send()]
+    assert not machine.attaches
+
+
+@pytest.mark.parametrize("verdict", [Verdict.SUCCESS, fx.Fault("it raised ValueError")])
+def test_a_goal_that_may_have_succeeded_before_the_call_is_not_sent_again(
+    verdict: Verdict | fx.Fault,
+) -> None:
+    machine, _ = rejoined(ABORTED)
+    machine.judged(ABORTED, None, verdict)
+    assert is_in(machine, Phase.ENDED)
+
+
+def test_a_goal_that_has_failed_since_then_is_judged() -> None:
+    machine, _ = rejoined(ABORTED, seen_running=True)
+    assert machine.judged(ABORTED, None, Verdict.PERMANENT) == ends(with_goals(machine, ABORTED))
+
+
+@pytest.mark.parametrize("ends_for", ["unwanted", "closes_because"])
+def test_no_other_goal_is_sent_that_nobody_wants(ends_for: str) -> None:
+    machine, _ = rejoined(ABORTED)
+    setattr(machine, ends_for, "the client was closed")
+    machine.judged(ABORTED, None, Verdict.PERMANENT)
+    assert is_in(machine, Phase.ENDED)
+
+
+def test_no_other_goal_is_sent_after_the_deadline() -> None:
+    machine, _ = rejoined(ABORTED, deadline=NOW)
+    machine.judged(ABORTED, None, Verdict.PERMANENT)
+    machine.resume(NOW)
+    assert machine.ending is not None
+    assert machine.ending.end is End.DEADLINE

@@ -459,6 +459,18 @@ def followed(*, left_alone: bool) -> Goal:
     return goal
 
 
+@pytest.mark.parametrize("just_sent", [False, True])
+def test_a_goal_that_was_sent_just_now_may_be_accepted_yet(just_sent: bool) -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    asks = goal.attached(0.0, 1, left_alone=False, just_sent=just_sent)
+    assert Arm(Timer.ACCEPT, 5.0 + 9.0 * just_sent) in asks
+    for now in (0.1, 0.5, 9.0):
+        goal.result(None, None, now, asked_at=now)
+    assert goal.settled is not just_sent
+    goal.result(None, None, 9.2, asked_at=9.2)
+    assert goal.settled
+
+
 def test_what_somebody_else_has_sent_is_asked_for() -> None:
     goal = Goal(uuid.uuid4(), Timeouts())
     assert goal.attached(0.0, 2, left_alone=True) == [

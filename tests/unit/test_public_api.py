@@ -87,10 +87,10 @@ SIGNATURES = {
     " resend='confirmed_stopped', stop=None, wait=None), classify=None, observers=(),"
     " on_close='cancel', retry_budget=None, ledger=None)",
     Client.call: "(self, goal, timeout=<as the client's timeouts.total>, *, on_feedback=None,"
-    " retry=None, classify=None, replaces=None, preempt=False)",
+    " retry=None, classify=None, replaces=None, preempt=False, key=None)",
     Client.call_async: "(self, goal, on_feedback=None,"
     " timeout=<as the client's timeouts.total>, *, retry=None, classify=None, replaces=None,"
-    " preempt=False)",
+    " preempt=False, key=None)",
     Client.check_goal: "(self, goal)",
     Client.attach: "(self, goal_id, *, timeout=<as the client's timeouts.total>,"
     " on_feedback=None, on_give_up='leave')",
@@ -107,7 +107,8 @@ SIGNATURES = {
     actionkit.Observer.on_event: "(self, event, call)",
     actionkit.read_json_lines: "(path)",
     ActionBehaviour.__init__: "(self, name, client, goal, *, timeout=None, retry=None,"
-    " classify=None, feedback_key=None, result_key=None, earlier_goal='wait', server_timeout=5.0)",
+    " classify=None, feedback_key=None, result_key=None, earlier_goal='wait', key=None,"
+    " server_timeout=5.0)",
     ActionBehaviour.setup: "(self, **kwargs)",
     ActionBehaviour.shutdown: "(self)",
     FromBlackboard.__init__: "(self, key)",
@@ -160,7 +161,7 @@ AGENTS_FIELDS = {
 FIELDS = {
     "GoalEvent": "goal_id attempt state monotonic wall detail cancel_refused",
     "Outcome": "status result error attempts timeline goal_id cancel callback_errors"
-    " feedback_count elapsed goals",
+    " feedback_count elapsed goals from_ledger",
     "GoalReport": "goal_id fate cancel_refused",
     "CallInfo": "call_id action_name action_type node_name monotonic wall goal context",
     "LogFile": "lines problems",

@@ -26,3 +26,5 @@ class ErrorContext:
     surroundings: Callable[[], GraphSnapshot]
     attached: bool = False
     """Whether somebody else has sent the goal."""
+    key: str | None = None
+    """The key of the call in its client's ledger."""

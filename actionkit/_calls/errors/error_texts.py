@@ -103,6 +103,13 @@ def _not_replacing(ending: Ending, call: ErrorContext) -> str:
 
 
 def _unknown(_: Ending, call: ErrorContext) -> str:
+    if call.key is not None:
+        return (
+            f"No server of action {call.action_name!r} knows goal {call.goal_id}, which an earlier"
+            f" call with key {call.key!r} has sent. So it does not run there, but it may have"
+            f" finished. Find out whether it has. `ledger.forget({call.key!r})` lets it be sent"
+            " again."
+        )
     return (
         f"No server of action {call.action_name!r} knows goal {call.goal_id}. The id may be wrong"
         " or of another action, the server may have been restarted, it may not have accepted the"

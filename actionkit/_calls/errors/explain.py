@@ -35,6 +35,8 @@ def explain(ending: Ending, call: ErrorContext) -> BaseException | None:
         left = name_others_left(happened, ending, call)
         return concurrent.futures.CancelledError(f"{happened}.{left}" if left else happened)
     cls, text = TEXTS[ending.end]
+    if isinstance(ending.error, errors.LedgerError):
+        cls, text = errors.LedgerError, lambda ending, _: str(ending.error)
     if judged_transient:
         cls = errors.TransientError
     note = f" It was not tried again: {ending.not_retried}." if ending.not_retried else ""

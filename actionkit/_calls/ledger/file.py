@@ -13,7 +13,9 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from actionkit._calls.ledger.keys import Asked, KeyHold, take
 from actionkit._calls.ledger.store import Store, attempt_id
+from actionkit._model.arguments import check_type
 from actionkit._threads.diagnostics import log_own_error
 from actionkit._threads.waiting import Flag
 
@@ -79,12 +81,19 @@ class _Writer:
             self.begin()
         self._asked.put(item)
 
+    def at_once(self, item: Callable[[], object]) -> None:
+        """Do it soon, without a pause before it. Never blocks; from any thread."""
+        self.soon(item)
+        if self._pid == os.getpid():
+            self._hurry.set()
+        else:  # no more threads
+            item()
+
     def flush(self) -> None:
         """Wait a moment until all that was asked for is done, for all files."""
         if self._pid == os.getpid():
             done = Flag()
-            self.soon(done.set)
-            self._hurry.set()
+            self.at_once(done.set)
             done.wait(_FLUSH)
 
     def _run(self, asked: queue.SimpleQueue[_Item]) -> None:
@@ -117,21 +126,29 @@ flush = _writer.flush
 class LedgerFile:
     """The file of a ledger."""
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, durable: bool = False) -> None:
         """Open the file, or make it.
 
         Args:
             path: The file. More files appear beside it: its name with `-wal`, `-shm` or `-alive`.
+            durable: Whether each write waits until it is on the disk. Then a power cut loses
+                nothing, but a write takes as long as the disk needs, mostly some milliseconds.
+                Without it, a power cut can lose the last seconds; a crash of the program loses
+                nothing in either case. It counts for all ledgers of this process with this file.
 
         Raises:
             LedgerError: The file cannot be used.
+            TypeError: An argument of the wrong type.
         """
+        check_type("durable", durable, bool)
         self.path = Path(path).resolve()
         with _lock:  # one for each file: a process has one number in it
             usable = [one for one in _stores if one.path == self.path and one.is_there()]
             self._store = usable[0] if usable else Store(self.path)
             if not usable:
                 _stores.append(self._store)
+        if durable:
+            self._store.make_durable()
         _writer.begin()  # now: while a program ends, Python starts no more threads
 
     def __repr__(self) -> str:
@@ -155,6 +172,13 @@ class LedgerFile:
         """
         how = attempts, judged, parallel
         self._store.add((str(goal_id), action, kind, domain, *how, time.time()))
+
+    def _take(
+        self, key: str, asked: Asked, check: Callable[[Asked], None], *, attempts: int, judged: bool
+    ) -> KeyHold:
+        """Write a call with a key down; see `keys.take`."""
+        soon = _writer.at_once
+        return take(self._store, soon, key, asked, check, attempts=attempts, judged=judged)
 
     def _attempt_id(self, first: uuid.UUID, number: int) -> uuid.UUID:
         """Return the id of a call's goal by the number of the attempt, from 1."""

@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+from weakref import WeakValueDictionary
 
 from actionkit._calls.ledger.lives import Lives
 from actionkit._model.errors import LedgerError
@@ -25,6 +27,7 @@ _PAGE = 1024
 _MOST_IN_USE = 1000
 """Processes that may still use an earlier file, which was removed: their numbers are not free."""
 _VERSION = 2
+_FULL = "PRAGMA synchronous=FULL"
 _SCHEMA = """
 CREATE TABLE processes (number INTEGER PRIMARY KEY AUTOINCREMENT, pid INTEGER, host TEXT);
 CREATE TABLE goals (
@@ -32,14 +35,20 @@ CREATE TABLE goals (
   judged INTEGER, parallel INTEGER, sent REAL, owner INTEGER, holder INTEGER, follows INTEGER
 ) WITHOUT ROWID;
 """
-_ADD = "INSERT INTO goals VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, NULL, 0)"
-_REMOVE = "DELETE FROM goals WHERE goal_id = ?"
+ADD = "INSERT INTO goals VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, NULL, 0)"
+REMOVE = "DELETE FROM goals WHERE goal_id = ?"
 _CLAIM = "UPDATE goals SET holder = ?, follows = ? WHERE goal_id = ?"
-_LIMIT = "UPDATE goals SET attempts = ? WHERE goal_id = ?"
+LIMIT = "UPDATE goals SET attempts = ? WHERE goal_id = ?"
 _RELEASE = "UPDATE goals SET holder = NULL WHERE goal_id = ? AND holder = ?"
+_KEYS = (  # an earlier version of ActionKit leaves this table alone
+    "CREATE TABLE IF NOT EXISTS keys (key TEXT PRIMARY KEY, action TEXT, type TEXT, layout TEXT,"
+    " domain INTEGER, goal BLOB, call_id TEXT, attempt INTEGER, state INTEGER, result BLOB,"
+    " changed REAL)"
+)
 _ALL = (
-    "SELECT goal_id, action, type, domain, attempts, judged, parallel, sent, pid, host, owner,"
-    " holder, follows FROM goals JOIN processes ON number = owner {} ORDER BY sent"
+    "SELECT goal_id, goals.action, goals.type, goals.domain, attempts, judged, parallel, sent, pid,"
+    " host, key, owner, holder, follows FROM goals JOIN processes ON number = owner"
+    " LEFT JOIN keys ON call_id = goal_id {} ORDER BY sent"
 )
 _HELD = "WHERE holder IS NOT NULL"
 _IDLE = "SELECT number FROM processes WHERE number NOT IN (SELECT owner FROM goals)"
@@ -69,6 +78,8 @@ class Leftover:
     """The id of its process (PID)."""
     host: str
     """The name of the computer or container of its process."""
+    key: str | None = None
+    """The `key=` of the call, if it has one."""
 
     def has(self, goal_id: uuid.UUID) -> bool:
         """Whether a goal belongs to this call: as its first goal, or as a retry."""
@@ -111,12 +122,13 @@ def _row(
     sent: float,
     pid: int,
     host: str,
+    key: str | None,
     owner: int,
     holder: int | None,
     follows: int,
 ) -> Row:
     call = uuid.UUID(goal_id), action, kind, domain, attempts, bool(judged), bool(parallel)
-    return Row(Leftover(*call, sent, pid, host), owner, holder, bool(follows))
+    return Row(Leftover(*call, sent, pid, host, key), owner, holder, bool(follows))
 
 
 class Store:
@@ -128,6 +140,9 @@ class Store:
     def __init__(self, path: Path) -> None:
         """Open the file, or make it."""
         self.path = path
+        self._durable = False
+        self.holds: WeakValueDictionary[str, Any] = WeakValueDictionary()
+        """What the calls of this process hold, by the key: `KeyHold`."""
         self._name = str(path)
         self.lock = threading.RLock()  # a signal handler may come in the middle
         self._pid = 0
@@ -149,7 +164,14 @@ class Store:
         """Go on, in both processes. Each opens the file again."""
         if child:
             self._lives.close()  # or the parent would count as alive for as long as the child lives
+            self.holds.clear()
         self.lock.release()
+
+    def make_durable(self) -> None:
+        """Wait at each write from now on until it is on the disk, for power cuts."""
+        with self._used() as db:
+            self._durable = True
+            db.execute(_FULL)
 
     def is_there(self) -> bool:
         """Whether the file is still at its path. Raises nothing."""
@@ -157,21 +179,36 @@ class Store:
             return self._lives.is_at(self._name)
         return False
 
+    @property
+    def number(self) -> int:
+        """The number of this process in the file."""
+        return self._number
+
+    def is_alive(self, number: int) -> bool:
+        """Whether the process with this number lives."""
+        return self._lives.is_alive(number)
+
+    @contextmanager
+    def change(self) -> Iterator[sqlite3.Connection]:
+        """Give the file, for changes that are made together, or not at all."""
+        with self._used() as db, _transaction(db):
+            yield db
+
     def add(self, row: tuple[object, ...]) -> None:
         """Write a call of this process down: the columns from `goal_id` to `sent`."""
         with self._used() as db:
-            self._check_there()
-            db.execute(_ADD, (*row, self._number))
+            self.check_there()
+            db.execute(ADD, (*row, self._number))
 
     def remove(self, goal_ids: Iterable[uuid.UUID]) -> None:
         """Remove calls that have no goal that may run."""
-        with self._used() as db, _transaction(db):
-            db.executemany(_REMOVE, [(str(one),) for one in goal_ids])
+        with self.change() as db:
+            db.executemany(REMOVE, [(str(one),) for one in goal_ids])
 
     def limit(self, goal_id: uuid.UUID, attempts: int) -> None:
         """Record that a call sends no more goals than these."""
         with self._used() as db:
-            db.execute(_LIMIT, (attempts, str(goal_id)))
+            db.execute(LIMIT, (attempts, str(goal_id)))
 
     def writers(self) -> set[int]:
         """Return the ids of the living processes that write here."""
@@ -200,15 +237,15 @@ class Store:
         self, wanted: Callable[[Leftover], bool], claimed: list[Leftover], *, follows: bool
     ) -> None:
         """Take in hand what is wanted of the leftovers, and add it to a list, oldest first."""
-        with self._used() as db, _transaction(db):
+        with self.change() as db:
             goals = [goal for goal in self.leftovers() if wanted(goal)]
             claimed += goals  # before: to give back what is not ours does nothing
             db.executemany(_CLAIM, [(self._number, follows, str(goal.goal_id)) for goal in goals])
 
     def end_claims(self, goals: Iterable[Leftover], stopped: Iterable[Leftover] = ()) -> None:
         """Remove those that have stopped, and give the others back: they are left over again."""
-        with self._used() as db, _transaction(db):
-            db.executemany(_REMOVE, [(str(goal.goal_id),) for goal in stopped])
+        with self.change() as db:
+            db.executemany(REMOVE, [(str(goal.goal_id),) for goal in stopped])
             db.executemany(_RELEASE, [(str(goal.goal_id), self._number) for goal in goals])
 
     def _rows(self, where: str = "") -> list[Row]:
@@ -234,7 +271,7 @@ class Store:
                 " on its disk, or name another file, on a disk of this computer"
             ) from error
 
-    def _check_there(self) -> None:
+    def check_there(self) -> None:
         """Raise `LedgerError` if the file is gone: nobody would find what is written into it."""
         if not self._lives.is_at(self._name):
             raise LedgerError(
@@ -246,7 +283,7 @@ class Store:
     def _open(self) -> sqlite3.Connection:
         again = self._pid == os.getpid()  # in a parent after its fork
         if again:
-            self._check_there()
+            self.check_there()
         else:
             Path(f"{self._name}-alive").touch()  # its error says more than SQLite's
         with ExitStack() as unless_used:
@@ -262,6 +299,8 @@ class Store:
                 with _transaction(db):
                     self._number = _begin(db, lives)
                 self._lives, self._pid = lives, os.getpid()
+            if self._durable:
+                db.execute(_FULL)
             self._db = db
             unless_used.pop_all()
         return db
@@ -291,6 +330,7 @@ def _begin(db: sqlite3.Connection, lives: Lives) -> int:
         db.execute(f"PRAGMA user_version={_VERSION}")
     elif version != _VERSION:
         raise sqlite3.DatabaseError(f"its version is {version}, and not {_VERSION}")
+    db.execute(_KEYS)
     me = (os.getpid(), socket.gethostname())
     for _ in range(_MOST_IN_USE):
         cursor = db.execute("INSERT INTO processes (pid, host) VALUES (?, ?)", me)

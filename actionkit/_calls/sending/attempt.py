@@ -130,10 +130,10 @@ class Attempt:
         """Send the goal. If rclpy raises an error, nothing was sent."""
         self._servers = self._link.send_goal(self, message)
 
-    def attach(self, *, left_alone: bool) -> None:
-        """Have the link tell about a goal that somebody else has sent."""
+    def attach(self, *, left_alone: bool, just_sent: bool = False) -> None:
+        """Have the link tell about a goal that somebody else has sent, perhaps just now."""
         self._servers = self._link.follow_goal(self)
-        self._first = partial(self.goal.attached, left_alone=left_alone)
+        self._first = partial(self.goal.attached, left_alone=left_alone, just_sent=just_sent)
 
     def attach_again(self, owner: AttemptOwner, timeouts: Timeouts, *, left_alone: bool) -> None:
         """Follow the goal for another call, which attaches to it; the earlier call is over."""

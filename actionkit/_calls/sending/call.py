@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 import uuid
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
@@ -26,15 +27,17 @@ from actionkit._calls.sending.replacing import GoalsWatch, Replacing, not_stoppe
 from actionkit._calls.sending.request import Request
 from actionkit._goal import effects as fx
 from actionkit._goal.stages import CancelReason, Stage
-from actionkit._model.values import GoalReport, GoalState, Verdict
+from actionkit._model.values import GoalReport, GoalState, Outcome, Verdict
 from actionkit._observers.delivery import NO_OBSERVERS, ObserverDispatcher
 from actionkit._threads.clock import TimerHandle
 
 if TYPE_CHECKING:
     from actionkit._calls.ledger.file import LedgerFile
+    from actionkit._calls.sending.keyed import CallKey
 
-_MOST_ATTEMPTS = 2**31
-"""Where a strategy of the user's limits them."""
+_WRITTEN_WITHIN = 6.0
+"""Seconds that the end of a call waits until it is written down. A file that another process uses
+is waited for for 5 s."""
 
 
 class CallLink(Protocol):
@@ -61,18 +64,27 @@ class Call:
     """Carries out a request until its future is done."""
 
     def __init__(
-        self, session: CallSession, request: Request, dispatcher: ObserverDispatcher = NO_OBSERVERS
+        self,
+        session: CallSession,
+        request: Request,
+        dispatcher: ObserverDispatcher = NO_OBSERVERS,
+        key: CallKey | None = None,
     ) -> None:
-        """Make a call; its time begins now."""
-        goal_id = request.attach or uuid.uuid4()
+        """Make a call; its time begins now. With a `key`, it is written down already."""
+        goal_id = (
+            key.hold.id_of(max(key.hold.attempt, 1)) if key else request.attach or uuid.uuid4()
+        )
         self._record = record = CallRecord(session, request, dispatcher, goal_id)
         self.timeline, tape, began = record.timeline, record.tape, record.began
         self._deadline = None if request.timeout is None else began + request.timeout
         limits = request.timeouts.server, self._deadline
         attaches = request.attach is not None
         self.machine = machine = CallMachine(
-            goal_id, request.retry.resend, *limits, attaches=attaches
+            goal_id, request.retry.resend, *limits, attaches=attaches, keyed=key is not None
         )
+        self._key = key
+        if key is not None:
+            machine.use_ids(key.hold.id_of, sent_before=max(key.hold.attempt - 1, 0))
         self.goals = machine.goals
         self.state = GoalState.SENT if attaches else GoalState.SENDING
         self.left_alone = request.left_alone
@@ -93,6 +105,7 @@ class Call:
         self._replaced: tuple[GoalFuture[Any, Any], ...] = ()
         self._replacing: Replacing | None = None
         self._settled = False
+        self._tell: Callable[[], None] | None = None  # ends the future, once the ledger is written
         self.urgent = False
         """Whether a human waits for the cancellation (C2.5)."""
 
@@ -118,28 +131,35 @@ class Call:
     def write_down(self, ledger: LedgerFile, domain_id: int) -> None:
         """Write the call down before it begins, on the caller's thread. Raises `LedgerError`."""
         request, call_id = self._request, self.machine.goal_id
-        if request.attach is not None or request.invalid is not None:
+        if self._key or request.attach is not None or request.invalid is not None:
             return
-        retry = request.retry
-        attempts = retry.attempts if retry.stop is None else _MOST_ATTEMPTS
         session = self._session
         action = session.action_name, session.type_name, domain_id
         ledger._add(
             call_id,
             *action,
-            attempts=attempts,
+            attempts=request.most_attempts,
             judged=request.classify is not None,
-            parallel=retry.resend in ("server_gone", "always"),
+            parallel=request.retry.resend in ("server_gone", "always"),
         )
         self._ledger = ledger
         self.machine.use_ids(partial(ledger._attempt_id, call_id))
 
+    def not_begun(self) -> None:
+        """It was written down, and does not begin."""
+        if self._key is not None:
+            self._key.hold.over = True
+
     def _strike_out(self) -> None:
         """Remove the call from the ledger if none of its goals may run."""
         left = self.machine.abandoned or not self.goals.block_another()
-        if self._ledger is not None and self._settled and left:
+        if not (self._settled and left):
+            return
+        if self._ledger is not None:
             self._ledger._remove_soon(self._call_id)
             self._ledger = None
+        if self._key is not None:
+            self._key.goal_over()
 
     # --- the caller's wishes ---------------------------------------------------------------
 
@@ -168,6 +188,9 @@ class Call:
         self._replaced = to_replace(request.replaces)  # now: earlier calls have begun
         if request.invalid is not None or self.machine.phase is not Phase.NEW:
             self._begin()
+            return
+        if self._key is not None and self._key.hold.result is not None:
+            self._do(self.machine.was_done(*self._key.kept))
             return
         if self._replaced and not request.preempt:
             made = Replacing(self._replaced, self._session, self._begin, self._not_replacing)
@@ -202,7 +225,7 @@ class Call:
     def close(self, *, abandon: bool, because: str = CLIENT_CLOSED) -> None:
         """End because the client closes, or because something else that calls need has ended."""
         self.machine.closes_because = because
-        if self._request.attach is not None and self.machine.attempt is None:
+        if self.machine.attaches and self.machine.attempt is None:
             if not (self.left_alone or abandon):
                 self.unwanted = True  # it is cancelled, if a server comes in time
             if self.unwanted and not self._settled:
@@ -235,6 +258,8 @@ class Call:
             self._do(self.machine.broke(error))
         if self.machine.phase is Phase.ENDED:
             self._settle()  # no timer fires now, so the wait for callbacks would not end
+        if self._tell is not None:
+            self._tell()  # nor does the ledger's answer come
 
     # --- news from the link until a goal is sent -------------------------------------------
 
@@ -248,9 +273,24 @@ class Call:
 
     def on_turn(self) -> None:
         """Its goal may be sent; it is sent now, or after it is queued again."""
-        if self.machine.attempts > 1 and self._request.before_resend is not None:
+        machine, key = self.machine, self._key
+        if key is not None and not machine.attaches and key.hold.attempt < machine.number:
+            key.sends(machine.number, self._may_be_sent)
+            return
+        if machine.attempts > 1 and self._request.before_resend is not None:
             self._request.before_resend()
-        self._do(self.machine.turn(time.monotonic()))
+        self._do(machine.turn(time.monotonic()))
+
+    def _may_be_sent(self, problem: Exception | None) -> None:
+        """The next goal is written down; send it when it is its turn again."""
+        if self.machine.phase is not Phase.QUEUED:
+            return
+        if problem is not None:
+            self._do(self.machine.send_failed(problem))
+        elif self._session.server_is_ready():
+            self._session.link.enqueue(self, self.machine.latest_id)
+        else:
+            self._do(self.machine.server_lost(time.monotonic()))
 
     def on_server_lost(self, reason: str) -> None:
         """The last server left while the goal was in the queue."""
@@ -263,6 +303,9 @@ class Call:
         event = self._record.note(
             attempt.goal_id, attempt.number, record.state, record.detail, record.cancel_refused
         )
+        if self._key is not None:
+            self._key.record(attempt.goal_id, record.state)
+            self.machine.seen_running |= record.state in (GoalState.EXECUTING, GoalState.CANCELING)
         if not self._settled and attempt is self.machine.attempt:
             self.state = record.state
             if record.state is GoalState.ACCEPTED:
@@ -338,12 +381,14 @@ class Call:
         attempt.number = self.machine.attempts
         self.machine.sent(attempt)
         attempt.start()
-        if request.attach is not None and self.unwanted:
+        if self.machine.attaches and self.unwanted:
             self._stop_awaiting(cx.StopAwaiting())
             self.cancel()
 
     def _judge(self, effect: cx.Judge) -> None:
         ending = effect.ending
+        if self._key is not None:
+            self._key.keep(ending.result)
         if ending.end is fx.End.SUCCEEDED and self._request.classify is None:
             self._judged(ending, None, Verdict.SUCCESS)  # the usual case needs no outcome
         else:
@@ -376,6 +421,8 @@ class Call:
         self._do(self.machine.planned(ending, plan))
 
     def _pause_for(self, effect: cx.Pause) -> None:
+        if self._key is not None and not self.goals.block_another():
+            self._key.pause()
         self._wait = self._session.call_at(time.monotonic() + effect.seconds, self._resume)
 
     def _resume(self) -> None:
@@ -436,6 +483,20 @@ class Call:
             ending, client_closes=self.machine.closes_because == CLIENT_CLOSED
         )
         outcome = self._record.outcome(ending, self.goal_id, self.machine.attempts)
+        tell = self._tell = partial(self._end_future, outcome, ending)
+        if self._key is None:
+            tell()
+            return
+        self._grace = self._session.call_at(time.monotonic() + _WRITTEN_WITHIN, tell)
+        self._key.end(ending, tell, ok=outcome.ok, may_run=self.goals.block_another())
+
+    def _end_future(self, outcome: Outcome[Any], ending: fx.Ending) -> None:
+        if self._tell is None:
+            return
+        self._tell = None
+        if self._key is not None:
+            self._key.hold.over = True
+            self._stop_awaiting(cx.StopAwaiting())
         self._record.tell_outcome(outcome)
         # Leave the session first: a caller that sees the end must find that done (C1.11).
         self.future._settle(outcome, ending.end, partial(self._session.finished, self))

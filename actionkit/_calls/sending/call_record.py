@@ -141,7 +141,8 @@ class CallRecord:
             timeout=self._request.timeout,
             timeouts=self._request.timeouts,
             surroundings=self._action.graph_snapshot,
-            attached=self._request.attach is not None,
+            attached=self._request.attach == goal_id,
+            key=self._request.key,
         )
         callbacks = self._request.callbacks
         return Outcome(
@@ -156,6 +157,7 @@ class CallRecord:
             feedback_count=self.tape.count,
             elapsed=context.elapsed,
             goals=ending.goals,
+            from_ledger=ending.from_ledger,
         )
 
     def tell_outcome(self, outcome: Outcome[Any]) -> None:

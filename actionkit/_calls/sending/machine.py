@@ -61,6 +61,7 @@ LONGEST_LEASE = 30.0
 """Seconds until a process that has died has left the graph. After a crash, Fast DDS shows it for
 20 s."""
 _GIVEN_UP = (fx.End.CANCELLED_BY_CALLER, fx.End.CLOSED)
+_HAD_FAILED = (fx.End.ABORTED, fx.End.CANCELED_BY_OTHER)
 _STOPPED = (fx.End.REJECTED, fx.End.ABORTED, fx.End.CANCELED_BY_OTHER)
 """How the server ends a goal that it replaces by another one."""
 
@@ -77,14 +78,17 @@ class CallMachine:
         new_id: Callable[[], uuid.UUID] = uuid.uuid4,
         *,
         attaches: bool = False,
+        keyed: bool = False,
     ) -> None:
         """Begin without attempts.
 
         `resend` and `server_limit` are `RetryPolicy.resend` and `Timeouts.server`. `deadline` is
         the monotonic time of the end of the call, or `None`. `new_id` makes the ids of the goals
-        after the first. With `attaches`, somebody else has sent the goal.
+        after the first. With `attaches`, somebody else has sent the goal; if the call is
+        `keyed`, an earlier call with its key.
         """
-        self._attaches = attaches
+        self._keyed = keyed
+        self.attaches = attaches
         self.phase = Phase.NEW
         self.goals = GoalsOfCall()
         self.goal_id = goal_id  # of the goal that the user is told about
@@ -107,13 +111,19 @@ class CallMachine:
         self._gone_by = 0.0  # for the server of an earlier goal to leave
         self._waits_for_earlier = False  # a server is ready, and an earlier goal may run
         self._new_id = new_id
+        self._sent_before = 0
+        self.seen_running = False  # the goal that it was attached to, by this call
         self._replacement: CallMachine | None = None  # the call that replaces this one
         self.previous: AttemptView | None = None  # the latest one with an end that is known
         self._last: fx.Ending | None = None  # its end, after the verdict
 
-    def use_ids(self, id_of: Callable[[int], uuid.UUID]) -> None:
-        """Make the ids of later goals by the number of the attempt, from 1."""
-        self._new_id = lambda: id_of(self.attempts + 1)
+    def use_ids(self, id_of: Callable[[int], uuid.UUID], sent_before: int = 0) -> None:
+        """Make the ids of later goals by the number of the attempt, from 1.
+
+        Earlier calls with its key have sent so many goals before its first one.
+        """
+        self._sent_before = sent_before
+        self._new_id = lambda: id_of(self._sent_before + self.attempts + 1)
 
     @property
     def abandoned(self) -> bool:
@@ -134,6 +144,11 @@ class CallMachine:
         # A goal that ended by itself is not sent again while its result may come (C4.3).
         ended_as = earlier.goal.awaits_result_of
         return ended_as is None or (ended_as is GoalState.CANCELED and earlier.cancel_is_ours)
+
+    @property
+    def number(self) -> int:
+        """The number of the latest goal, from 1, with those of earlier calls with the key."""
+        return self._sent_before + self.attempts
 
     @property
     def is_waiting(self) -> bool:
@@ -159,7 +174,7 @@ class CallMachine:
         """Its caller cancels or closes it while it has no goal in flight that could handle that."""
         if self._cancel_waits:
             return []
-        if self._attaches and why is CancelReason.CANCELLED and self._is_before_goal:
+        if self.attaches and why is CancelReason.CANCELLED and self._is_before_goal:
             # The goal may run: it is cancelled as soon as a server is there.
             self._cancel_waits = True
             return [cx.AwaitEarlier()]
@@ -172,6 +187,11 @@ class CallMachine:
             return self._end(fx.Ending(end, GoalState.SENDING, given_up=True))
         # Nothing is cancelled now: the outcome describes the fate of the last goal.
         return self._end(fx.Ending(end, self._last.status, news=self._last.news, given_up=True))
+
+    def was_done(self, result: Any, detail: str) -> list[cx.Effect]:
+        """An earlier call with its key has succeeded, with this result."""
+        ending = fx.Ending(fx.End.SUCCEEDED, GoalState.SUCCEEDED, result=result, from_ledger=True)
+        return [fx.Record(GoalState.SUCCEEDED, detail), *self._end(ending)]
 
     def not_replacing(self, left: tuple[GoalReport, ...]) -> list[cx.Effect]:
         """The goals of the call that it was to replace may still run."""
@@ -214,8 +234,9 @@ class CallMachine:
     def _try(self, now: float) -> list[cx.Effect]:
         if self.attempts:
             self.goal_id = self.latest_id = self._new_id()
+            self.attaches = False
         self.attempts += 1
-        sending = [] if self._attaches else [fx.Record(GoalState.SENDING)]
+        sending = [] if self.attaches else [fx.Record(GoalState.SENDING)]
         return [*sending, *self._await_server(now)]
 
     def _await_server(self, now: float) -> list[cx.Effect]:
@@ -248,7 +269,7 @@ class CallMachine:
         """It is the goal's turn to be sent."""
         if self.phase is not Phase.QUEUED:
             return []
-        if self.unwanted and not self._attaches:  # `cancel` is about to run on this thread
+        if self.unwanted and not self.attaches:  # `cancel` is about to run on this thread
             return self.give_up(CancelReason.CANCELLED)
         if effects := self._end_for_others():
             return effects
@@ -351,6 +372,8 @@ class CallMachine:
         if self.ending is not None:
             return []  # cancelled or closed in the meantime
         effects: list[cx.Effect] = [cx.Count(success=True)] if verdict is Verdict.SUCCESS else []
+        if verdict in (Verdict.TRANSIENT, Verdict.PERMANENT) and self._had_failed(ending):
+            return self._send_anew()
         self._last = ending = apply_verdict(ending, verdict)
         # A goal that somebody else cancelled is never tried again, even with this verdict (C4.4).
         if verdict is not Verdict.TRANSIENT or ending.end is fx.End.CANCELED_BY_OTHER:
@@ -366,6 +389,20 @@ class CallMachine:
         self.cause = error or RejectedByClassifier()
         return effects + self._plan(ending)
 
+    def _had_failed(self, ending: fx.Ending) -> bool:
+        """Whether the goal of an earlier call with the key had failed before this call."""
+        earlier = self._keyed and self.attaches and not self.seen_running
+        ends = self.unwanted or self.closes_because
+        return earlier and ending.end in _HAD_FAILED and not ends
+
+    def _send_anew(self) -> list[cx.Effect]:
+        """Send another goal, as the first one of this call."""
+        self._sent_before += 1
+        self.attempts, self.attaches, self.previous = 0, False, None
+        self.goal_id = self.latest_id = self._new_id()
+        self.phase = Phase.PAUSING
+        return [cx.Pause(0.0)]
+
     def planned(self, ending: fx.Ending, plan: Retry | GiveUp | fx.Fault) -> list[cx.Effect]:
         """The policy has decided whether there is another attempt."""
         if isinstance(plan, fx.Fault):
@@ -378,6 +415,8 @@ class CallMachine:
 
     def resume(self, now: float) -> list[cx.Effect]:
         """The pause is over."""
+        if self._last is None and self._is_late(now):
+            return self._too_late("accept", "waiting to be sent")
         return self._end_for_others() or self._try(now)
 
     def _end_for_others(self) -> list[cx.Effect]:

@@ -14,6 +14,9 @@ from actionkit._calls.retries.classify import Classify
 from actionkit._model.settings import RetryPolicy, Timeouts
 from actionkit._threads.pool import Pool
 
+_MOST_ATTEMPTS = 2**31
+"""Where a strategy of the user's limits them."""
+
 
 @dataclass(frozen=True)
 class Request:
@@ -32,7 +35,13 @@ class Request:
     replaces: GoalFuture[Any, Any] | None = None  # the call with the goal to replace
     preempt: bool = False  # whether the server stops that goal by itself
     attach: uuid.UUID | None = None  # the goal of somebody else, to be followed
+    key: str | None = None  # in the client's ledger
     left_alone: bool = False  # only an explicit cancel cancels it
     before_resend: Callable[[], object] | None = None
     """Called on the communication thread before another goal is sent. It may cancel the call, and
     then nothing is sent; it never blocks."""
+
+    @property
+    def most_attempts(self) -> int:
+        """How many goals it sends at most."""
+        return self.retry.attempts if self.retry.stop is None else _MOST_ATTEMPTS

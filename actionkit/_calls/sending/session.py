@@ -171,8 +171,19 @@ class Session:
             raise ValueError(_FOLLOWED.format(goal_id))
 
     def prepare(self, request: Request) -> Call:
-        """Make a call. Its time begins now, but it sends nothing yet."""
-        return Call(self, request, self.dispatcher)
+        """Make a call. Its time begins now, but it sends nothing yet.
+
+        Raises the errors of `take_key`, if it has a key.
+        """
+        if request.key is None or request.invalid is not None:
+            return Call(self, request, self.dispatcher)
+        from actionkit._calls.sending.keyed import CallKey, take_key
+
+        hold, request = take_key(self, request)
+        if request.attach is not None:
+            self.check_not_followed(request.attach)
+        key = CallKey(hold, self, judged=request.classify is not None)
+        return Call(self, request, self.dispatcher, key)
 
     def begin(self, call: Call) -> None:
         """Begin a prepared call. Calls begin in this order.
@@ -180,7 +191,11 @@ class Session:
         If the session closes at that moment, the call ends at once and sends nothing. Raises the
         errors of `check`; `LedgerError` if it cannot be written down.
         """
-        self.check()
+        try:
+            self.check()
+        except BaseException:
+            call.not_begun()
+            raise
         if self.ledger is not None:
             call.write_down(self.ledger, self.identity.domain_id)
         self.calls.add(call)
@@ -264,7 +279,8 @@ class Session:
         Raises the errors of rclpy's converters; `ValueError` if a call in flight follows it.
         """
         timeouts, left_alone = request.timeouts, request.left_alone
-        if request.attach is not None and (earlier := self.watched(goal_id)) is not None:
+        attaches = request.attach == goal_id
+        if attaches and (earlier := self.watched(goal_id)) is not None:
             if earlier.owner in self.calls:
                 raise ValueError(_FOLLOWED.format(goal_id))
             earlier.attach_again(owner, timeouts, left_alone=left_alone)
@@ -276,10 +292,10 @@ class Session:
         may_fail_for_now = request.classify is not None or silence is not None or despite_loss
         tries_again = request.retry.attempts != 1 or request.retry.stop is not None
         made.goal.watched_early = may_fail_for_now and tries_again
-        if request.attach is None:
-            made.send(request.goal)
+        if attaches:
+            made.attach(left_alone=left_alone, just_sent=request.key is not None)
         else:
-            made.attach(left_alone=left_alone)
+            made.send(request.goal)
         self._attempts[made] = None
         return made
 

@@ -13,7 +13,7 @@ from typing import Any
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from typing_extensions import Self
 
 from actionkit._model.action_type import type_name_of
@@ -89,6 +89,7 @@ class Connection:
                 self.freed.wait(_UNDONE_WITHIN)
                 self.runtime.join_if_stopping(_UNDONE_WITHIN)
                 raise
+        self.action_type = action_type
         self._feedback_type: Any = action_type.Feedback
 
     # --- from any thread -------------------------------------------------------------------
@@ -136,6 +137,14 @@ class Connection:
                 f" is no {self.identity.type_name} feedback ({error}): does its server use another"
                 " version of that type?"
             ) from error
+
+    def pack(self, message: Any) -> bytes:
+        """Return a message, serialised."""
+        return bytes(serialize_message(message))
+
+    def unpack(self, message: bytes, cls: Any) -> Any:
+        """Return a message of a class that was serialised."""
+        return deserialize_message(message, cls)
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table of the link has, and how many timers there are."""

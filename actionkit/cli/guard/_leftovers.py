@@ -51,7 +51,8 @@ def line_of(goal: Leftover) -> str:
     """Return a line about a goal that is left over."""
     at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(goal.sent))
     who = f"process {goal.pid} on {goal.host}"
-    return f"{goal.action_name}  {goal.goal_id}  sent {at} ({_age(goal.sent)} ago) by {who}"
+    key = "" if goal.key is None else f"  key {goal.key!r}"
+    return f"{goal.action_name}  {goal.goal_id}{key}  sent {at} ({_age(goal.sent)} ago) by {who}"
 
 
 def _age(sent: float) -> str:

@@ -72,6 +72,7 @@ def command(path: str | None, cancels: bool, forget: bool, timeout: float, as_js
         if as_json:
             more = {"goal_id": str(goal.goal_id), "action_type": goal.type_name, "cancel": report}
             who = {"domain_id": goal.domain_id, "process": goal.pid, "host": goal.host}
+            who |= {} if goal.key is None else {"key": goal.key}
             say(note_line("leftover", goal.action_name, goal.sent, **more, **who))
         else:
             said = "" if report is None else f"\n  {report}: {what_happened(report)}"

@@ -67,8 +67,8 @@ MUTANTS = (
         "C4.2",
         "leftovers look for no other goal though the policy sends one beside it",
         "_calls/sending/call.py",
-        '            parallel=retry.resend in ("server_gone", "always"),\n',
-        '            parallel=retry.resend == "always",\n',
+        '            parallel=request.retry.resend in ("server_gone", "always"),\n',
+        '            parallel=request.retry.resend == "always",\n',
         ("unit/test_another_goal.py::test_whether_another_goal_may_be_sent",),
     ),
     Mutant(

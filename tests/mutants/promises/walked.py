@@ -19,7 +19,7 @@ MUTANTS = (
         "C1.5",
         "a goal is sent that nobody wants",
         "_calls/sending/machine.py",
-        "if self.unwanted and not self._attaches:",
+        "if self.unwanted and not self.attaches:",
         "if False:",
     ),
     _found(
