@@ -315,13 +315,12 @@ def test_what_was_not_sent_when_its_program_was_killed_is_sent(
 def test_a_goal_that_is_sent_anew_is_found_by_the_guard(
     action_server, make_client, run_script, path
 ):
-    server = action_server("flaky", fails=1, how="aborts")
-    none = RetryPolicy.none()
-    client = make_client(retry=none)
-    assert not client.call_async({"order": 50}, timeout=20.0, key="leg").outcome(20).ok
+    server = action_server("flaky", fails=1, how="aborts", period=0.1)
+    client = make_client(retry=RetryPolicy.none())
+    assert not client.call_async({"order": 40}, timeout=60.0, key="leg").outcome(60).ok
     with closing(sqlite3.connect(path)) as file, file:
         file.execute("UPDATE keys SET state = 0")  # as if it had been killed before that
-    future = client.call_async({"order": 50}, timeout=20.0, key="leg")
+    future = client.call_async({"order": 40}, timeout=60.0, key="leg")
     server.wait_for("executing", count=2)
     with closing(sqlite3.connect(path)) as file:
         assert file.execute("SELECT attempts FROM goals").fetchone() == (2,)

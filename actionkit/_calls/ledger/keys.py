@@ -166,7 +166,7 @@ def take(
                 earlier.result, earlier.since = result, since
                 return earlier
             _check_in_no_other_hands(store, db, earlier)
-            db.execute(REMOVE, (call_id,))  # it is written anew, as one of this process
+            db.execute(REMOVE, (call_id,))  # it is written below, as one of this process
             if state != KeyState.STOPPED:
                 hold = earlier
                 hold.joins = True
