@@ -170,6 +170,7 @@ def test_a_goal_that_its_call_has_left_is_followed_by_the_next_one(
 ):
     server = action_server("slow_cancel", gate=1)
     client = make_client(timeouts=Timeouts(cancel=0.1))
+    assert client.wait_for_server(20)
     with pytest.raises(ak.DeadlineExceededError):
         client.call({"order": 1}, timeout=0.5, key="leg")
     assert Ledger(path).keys() == {"leg": "running"}
