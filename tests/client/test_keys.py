@@ -13,6 +13,7 @@ from test_msgs.action import NestedMessage
 import actionkit as ak
 from actionkit import Ledger, RetryPolicy, Timeouts, Verdict
 from actionkit._calls.ledger.keys import Asked, KeyState
+from actionkit._ros.communication.outbox import WINDOW
 from tests.conftest import runs_nothing
 from tests.waiting import until
 
@@ -59,6 +60,13 @@ def test_what_has_succeeded_is_not_sent_again_and_needs_no_server(action_server,
     assert event.detail.startswith("kept in the ledger since 20")
     assert Ledger(path).keys() == {"leg": "succeeded"}
     assert Ledger(path).leftovers() == []
+
+
+def test_calls_with_keys_give_up_their_places_in_the_window(action_server, make_client, path):
+    action_server("fibonacci", period=0.0)
+    client = make_client()
+    for leg in range(WINDOW + 2):
+        client.call({"order": 1}, timeout=20.0, key=f"leg {leg}")
 
 
 def test_a_goal_that_runs_is_followed(action_server, make_client, run_script, path):

@@ -275,20 +275,20 @@ class Call:
         """Its goal may be sent; it is sent now, or after it is queued again."""
         machine, key = self.machine, self._key
         if key is not None and not machine.attaches and key.hold.attempt < machine.number:
-            key.sends(machine.number, self._may_be_sent)
+            key.sends(machine.number, self._written)
             return
         if machine.attempts > 1 and self._request.before_resend is not None:
             self._request.before_resend()
         self._do(machine.turn(time.monotonic()))
 
-    def _may_be_sent(self, problem: Exception | None) -> None:
-        """The next goal is written down; send it when it is its turn again."""
+    def _written(self, problem: Exception | None) -> None:
+        """The next goal is written down. It is still its turn, if nothing else has happened."""
         if self.machine.phase is not Phase.QUEUED:
             return
         if problem is not None:
             self._do(self.machine.send_failed(problem))
         elif self._session.server_is_ready():
-            self._session.link.enqueue(self, self.machine.latest_id)
+            self.on_turn()
         else:
             self._do(self.machine.server_lost(time.monotonic()))
 

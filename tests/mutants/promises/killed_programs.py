@@ -477,7 +477,7 @@ MUTANTS = (
         "C1.17",
         "a goal is not written down before it is sent",
         "_calls/sending/call.py",
-        "            key.sends(machine.number, self._may_be_sent)\n            return\n",
+        "            key.sends(machine.number, self._written)\n            return\n",
         "            key.hold.attempt = machine.number\n",
         ("client/test_keys.py::test_a_goal_that_runs_is_followed",),
     ),
