@@ -527,8 +527,12 @@ class CallLife:
         machine = self.call.machine
         judged = self.call._judging.under_way or machine.confirming
         # From an earlier cancel on, there is a limit for what may come yet: a late acceptance with
-        # its cancellation, or a late success.
-        waits = judged or machine.phase is Phase.CONFIRMING
+        # its cancellation, or a late success. If neither can come, the call has to be over.
+        may_come = any(
+            not earlier.goal.facts.is_over or earlier.goal.awaits_result_of
+            for earlier in machine.earlier
+        )
+        waits = judged or (machine.phase is Phase.CONFIRMING and may_come)
         return not waits and machine.attempt is None
 
     def _require_end_of_idle(self, idle: bool) -> None:

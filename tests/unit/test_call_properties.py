@@ -164,6 +164,19 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
         ],
         1,
     ),
+    "the same where the status topic shows that end": (
+        {"accept": 1.0, "retry": RetryPolicy(jitter=0.0, initial=2.0, resend="always")},
+        [
+            ("ready",),
+            ("wait", 1.0),
+            ("cancel_answer", 0, UNKNOWN),
+            ("wait", 0.6),
+            ("status", 0, GoalState.CANCELED),
+            ("result", 0, GoalState.CANCELED),
+            ("wait", 3.0),
+        ],
+        1,
+    ),
     "the next goal is sent also where another server came between": (
         NO_LIMITS,
         [*LOST, ("restarted",), *PAUSE, ("settling",), ("result", 0, None), ("ready",)],

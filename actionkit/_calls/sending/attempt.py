@@ -112,7 +112,7 @@ class Attempt:
         self._in_outbox = True
         self._cancels = 0  # requests sent, minus those for which a server did not know the goal
         self._first_cancel_at = 0.0  # when the first of them was sent
-        self._ended_by_us: bool | None = None  # whether one of them may have ended it
+        self._ended_by_others = False  # before any of them was sent
 
     @property
     def unwanted(self) -> bool:
@@ -122,7 +122,7 @@ class Attempt:
     @property
     def cancel_is_ours(self) -> bool:
         """Whether one of our cancel requests may have cancelled the goal (C4.4)."""
-        return self._cancels > 0 if self._ended_by_us is None else self._ended_by_us
+        return self._cancels > 0 and not self._ended_by_others
 
     # --- the caller's wishes ---------------------------------------------------------------
 
@@ -210,7 +210,10 @@ class Attempt:
         self.owner.on_feedback(self, messages)
 
     def on_status(self, state: GoalState) -> None:
-        self._apply(self.goal.status(state, self._now(), ours=self.cancel_is_ours))
+        ours = self.cancel_is_ours
+        if state.is_terminal and self.goal.facts.servers == 1:
+            self._ended_by_others = not ours  # what is sent from now on has not done it
+        self._apply(self.goal.status(state, self._now(), ours=ours))
 
     def on_result(
         self,
@@ -225,9 +228,11 @@ class Attempt:
     ) -> None:
         if state is None and outdated:
             return  # "goal unknown" answers an old request; the result was requested again
-        ours, own = self._cancels > 0, self._link.sees_server_of(self)
+        if self.goal.facts.servers > 1:
+            self._ended_by_others = False  # that was on another server
+        ours, own = self.cancel_is_ours, self._link.sees_server_of(self)
         if state is not None:
-            self._ended_by_us = ours  # what is sent from now on has not done it
+            self._ended_by_others = not ours
         now, seen = self._now(), self.goal.stage is not Stage.LOST
         self._apply(
             self.goal.result(

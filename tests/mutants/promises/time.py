@@ -558,11 +558,22 @@ MUTANTS = (
         "C4.4",
         "a cancel that is sent because of the goal's end counts as its cause",
         "_calls/sending/attempt.py",
-        "            self._ended_by_us = ours  # what",
-        "            pass  # what",
+        "        if state is not None:\n            self._ended_by_others = not ours\n",
+        "",
         (
             "unit/test_call_properties.py::test_subtle_orders["
             "what somebody else cancelled is not retried, also if that shows that it was accepted]",
+        ),
+    ),
+    Mutant(
+        "C4.4",
+        "the same where the status topic shows the end first",
+        "_calls/sending/attempt.py",
+        "            self._ended_by_others = not ours  # what",
+        "            pass  # what",
+        (
+            "unit/test_call_properties.py::test_subtle_orders["
+            "the same where the status topic shows that end]",
         ),
     ),
 )
