@@ -31,7 +31,8 @@ def start(package: str, folder: Path, more: str = "") -> subprocess.Popen[str]:
     packages = folder / "packages"
     if not packages.is_dir():
         pip = [sys.executable, "-m", "pip", "install", "-q", "--target", packages, package]
-        subprocess.run(pip, check=True, timeout=300)
+        if subprocess.run(pip, timeout=300).returncode:
+            pytest.skip(f"pip cannot install {package} here")
     path = os.pathsep.join([str(ROOT), str(packages)])
     words = [sys.executable, "-c", snippet(package) + more]
     env = {**os.environ, "PYTHONPATH": path}
