@@ -83,7 +83,9 @@ class Goal(CancellableGoal):
         self._left_alone = left_alone and self.facts.accepted
         self._forget_refusals()
         self._unknown_to_server = self._ended_first = False
-        self._cancelled_before, self._forgotten_at = True, None
+        self._cancelled_before = True
+        if self.stage is not Stage.SENT:
+            self._forgotten_at = None
         self._reask_after = FIRST_REASK
         effects: list[fx.Effect] = [fx.StopCancel(), fx.WatchStatus(), fx.AskResult(anew=True)]
         if self.stage is Stage.SENT:

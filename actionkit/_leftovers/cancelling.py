@@ -104,6 +104,16 @@ class CancellingCalls(Cancelling):
             told[call] = min(fate.report, told.get(call, fate.report), key=_WORST.index)
         return told
 
+    @property
+    def failed(self) -> list[Leftover]:
+        """The calls of which the latest goal was seen to have ended without success."""
+        return [call for call, number in self._newest.items() if self._has_failed(call, number)]
+
+    def _has_failed(self, call: Leftover, number: int) -> bool:
+        goal = self.board.goals.get(str(attempt_id(call.goal_id, number)))
+        ends = ("CANCELED",) if call.judged else ("CANCELED", "ABORTED")
+        return goal is not None and goal.state in ends
+
     def _call_with(self, goal_id: str) -> Leftover:
         call = call_with(self._by_id, uuid.UUID(goal_id))
         assert call is not None
@@ -111,12 +121,17 @@ class CancellingCalls(Cancelling):
 
 
 def cancel_all(
-    calls: Iterable[Leftover], seconds: float, server: float, unseen: set[Leftover]
+    calls: Iterable[Leftover],
+    seconds: float,
+    server: float,
+    unseen: set[Leftover],
+    failed: set[Leftover],
 ) -> _Told:
     """Cancel the goals of calls; return what happened to each call.
 
     This takes so many `seconds` at most; a server is looked for `server` seconds at most. Calls
-    are added to `unseen` if no server of their action is in sight after that.
+    are added to `unseen` if no server of their action is in sight after that, and to `failed` if
+    their latest goal was seen to have ended without success.
     """
     transport()  # or the interpreter's exit would not wait for the communication threads
     by_domain: dict[int, list[Leftover]] = defaultdict(list)
@@ -126,7 +141,7 @@ def cancel_all(
     done = {domain: Flag() for domain in by_domain}
     until = time.monotonic() + seconds
     for domain, left in by_domain.items():
-        cancel = partial(_cancel, domain, left, seconds, server, told, unseen, done[domain])
+        cancel = partial(_cancel, domain, left, seconds, server, told, unseen, failed, done[domain])
         threading.Thread(target=cancel, name="actionkit-leftovers", daemon=True).start()
     for flag in done.values():
         flag.wait(max(0.0, until - time.monotonic()))
@@ -140,6 +155,7 @@ def _cancel(
     server: float,
     told: _Told,
     unseen: set[Leftover],
+    failed: set[Leftover],
     done: Flag,
 ) -> None:
     """Cancel the goals of calls in one ROS domain."""
@@ -157,6 +173,7 @@ def _cancel(
             action.settle(time.monotonic(), over=True)
             if action.has_server:
                 told.update(action.reports)
+                failed.update(action.failed)
             elif seconds >= server:
                 unseen.update(by_name[action.name])
         done.set()  # closing may take longer

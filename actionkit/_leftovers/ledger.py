@@ -120,11 +120,11 @@ class Ledger(LedgerFile):
                     from actionkit._leftovers.cancelling import cancel_all
 
                     left = max(0.0, until - time.monotonic())
-                    told.update(cancel_all(claimed, left, server, unseen))
+                    failed: set[Leftover] = set()
+                    told.update(cancel_all(claimed, left, server, unseen, failed))
                     stopped += [goal for goal in claimed if told[goal] in _STOPPED]
-                    # Those that were not needed may have finished.
-                    confirmed = [goal for goal in stopped if told[goal] is CancelReport.CONFIRMED]
-                    keys.confirm_stopped(self._store, confirmed)
+                    # The others may have finished.
+                    keys.confirm_stopped(self._store, failed.intersection(stopped))
                     if forgotten is not None:
                         forgotten |= unseen
                         stopped.extend(unseen)
@@ -238,7 +238,7 @@ class Ledger(LedgerFile):
         if all(future.done() for future in futures):
             has_stopped = all(future.known_to_run is False for future in futures)
             stopped = [goal] if has_stopped else []
-            self._do_soon(partial(self._store.end_claims, [goal], stopped))
+            self._do_at_once(partial(self._store.end_claims, [goal], stopped))
 
 
 def _named(goals: list[Leftover]) -> str:

@@ -232,7 +232,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
             try:
                 key = self._key() if callable(self._key) else self._key
                 run.start(client, self._source.goal(self), *how, key=key)
-            except (NoGoalError, ClientClosedError, LedgerError) as error:
+            except (NoGoalError, ClientClosedError, LedgerError, ValueError) as error:
                 run.problem = str(error)
 
     def _wait_for(self, oldest: Run, run: Run, client: Client[Any]) -> None:

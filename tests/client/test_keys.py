@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import threading
+import uuid
 from contextlib import closing, suppress
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import actionkit as ak
 from actionkit import Ledger, RetryPolicy, Timeouts, Verdict
 from actionkit._calls.ledger.keys import Asked, KeyState
 from actionkit._ros.communication.outbox import WINDOW
-from tests.conftest import runs_nothing
+from tests.conftest import cancels, runs_nothing
 from tests.waiting import until
 
 PROGRAM = """
@@ -94,6 +95,63 @@ def test_giving_up_cancels_the_goal_that_is_followed(action_server, make_client,
         client.call({"order": 100}, timeout=1.0, key="leg")
     assert runs_nothing(server)
     until(lambda: Ledger(path).keys() == {"leg": "stopped"})
+
+
+def test_a_goal_is_cancelled_or_left_over_if_its_call_gives_up_before_a_server_is_seen(
+    action_server, make_client, run_script, path
+):
+    server = action_server("never_finishes")
+    killed(run_script, server)
+    outcome = make_client().call_async({"order": 100}, timeout=0.01, key="leg").outcome(20)
+    assert isinstance(outcome.error, ak.DeadlineExceededError)
+    assert runs_nothing(server)
+    until(lambda: Ledger(path).keys() == {"leg": "stopped"})
+
+    killed(run_script, server, count=2)
+    (left,) = Ledger(path).leftovers()
+    server.stop()
+    outcome = make_client().call_async({"order": 100}, timeout=0.01, key="leg").outcome(20)
+    assert isinstance(outcome.error, ak.ServerUnavailableError)
+    assert [str(goal.goal_id) for goal in outcome.goals if goal.fate.may_run] == [str(left.goal_id)]
+    assert [goal.goal_id for goal in Ledger(path).leftovers()] == [left.goal_id]
+
+
+def test_a_goal_is_left_over_if_its_call_does_not_begin(
+    action_server, make_client, run_script, path
+):
+    server = action_server("never_finishes")
+    goal_id = killed(run_script, server)
+    client = make_client()
+    other = client.attach(uuid.UUID(goal_id), on_give_up="leave")
+    other.wait_accepted(20)
+    with pytest.raises(ValueError, match=goal_id):
+        client.call({"order": 100}, key="leg")
+    until(Ledger(path).leftovers)
+
+
+def test_a_client_goes_on_after_its_server_was_restarted(action_server, make_client, path):
+    server = action_server("never_finishes")
+    client = make_client()
+    future = client.call_async({"order": 1}, key="leg")
+    server.wait_for("executing")
+    server.restart()
+    assert isinstance(future.outcome(20).error, ak.ServerLostError)
+    assert client.wait_for_server(20)
+    with pytest.raises(ak.GoalUnknownError):
+        client.call({"order": 1}, timeout=20.0, key="leg")
+    assert Ledger(path).forget("leg")
+
+
+def test_goals_that_no_server_knows_hold_up_no_others(action_server, make_client, run_script, path):
+    server = action_server("fibonacci", gate=1)
+    killed(run_script, server)
+    server.restart()
+    client = make_client()
+    assert client.wait_for_server(20)
+    future = client.call_async({"order": 100}, key="leg")
+    until(lambda: client._session.watched(future.goal_id))
+    assert client._session.connection.table_sizes()["outbox"] == 0
+    assert isinstance(future.outcome(20).error, ak.GoalUnknownError)
 
 
 @pytest.mark.parametrize(
@@ -348,6 +406,22 @@ def test_a_success_by_classify_is_not_sent_again_after_a_kill(action_server, mak
     assert server.count("goal_received") == 1
 
 
+def test_an_abort_that_nobody_has_judged_may_be_a_success(action_server, make_client, path):
+    script = ["refuse_cancel", "accept", "gate", {"abort": [7]}]
+    server = action_server("scripted", script=script)
+    client = make_client(
+        classify=lambda outcome: Verdict.SUCCESS if outcome.result else None,
+        timeouts=Timeouts(cancel=20.0),
+    )
+    future = client.call_async({"order": 1}, timeout=1.0, key="leg")
+    until(lambda: cancels(server))
+    server.release()
+    assert isinstance(future.outcome(30).error, ak.DeadlineExceededError)
+    until(lambda: Ledger(path).keys() == {"leg": "unknown"})
+    assert list(client.call({"order": 1}, timeout=20.0, key="leg").sequence) == [7]
+    assert server.count("goal_received") == 1
+
+
 def test_the_result_is_kept_as_the_server_sent_it(action_server, make_client, path):
     def spoils(outcome):
         outcome.result._sequence = ["x"]
@@ -388,6 +462,17 @@ def write(step, *args, **how):
     done = threading.Event()
     step(*args, lambda _: done.set(), **how)
     assert done.wait(10)
+
+
+def test_nothing_is_sent_if_the_file_was_removed(tmp_path):
+    path = tmp_path / "goals.db"
+    one = hold(path)
+    for each in tmp_path.iterdir():
+        each.unlink()
+    problems: list[Exception | None] = []
+    one.sends(1, problems.append)
+    until(lambda: problems)
+    assert isinstance(problems[0], ak.LedgerError)
 
 
 def test_what_a_second_server_does_later_does_not_change_a_success(tmp_path):

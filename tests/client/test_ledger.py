@@ -956,6 +956,23 @@ def test_a_retry_may_come_after_a_goal_whose_server_keeps_several_statuses():
     assert action.to_ask_singly(1.0) == [str(SECOND)]
 
 
+@pytest.mark.parametrize(
+    ("state", "judged", "failed"),
+    [
+        ("CANCELED", True, True),
+        ("ABORTED", False, True),
+        ("ABORTED", True, False),  # `classify=` might take it for a success
+        ("SUCCEEDED", False, False),
+        ("EXECUTING", False, False),  # its server agrees to cancel it, and forgets it
+    ],
+)
+def test_only_what_was_seen_to_fail_has_failed(state, judged, failed):
+    action = begun(call := call_is(attempts=1, judged=judged))
+    assert action.failed == []
+    shows(action, FIRST, state)
+    assert action.failed == [call] * failed
+
+
 @pytest.mark.parametrize("looks", [False, True])
 def test_what_is_known_at_the_end_is_told_before_the_subscriptions_are_closed(looks, monkeypatch):
     """Pure. With `looks`, a server has come into sight so late that it is looked on after that."""
@@ -974,6 +991,7 @@ def test_what_is_known_at_the_end_is_told_before_the_subscriptions_are_closed(lo
     monkeypatch.setattr(cancelling, "Survey", lambda _: nullcontext(survey))
     monkeypatch.setattr(cancelling, "cancel_goals", cancels)
     try:
-        assert cancelling.cancel_all([call], 0.5, 5.0, set()) == {call: ak.CancelReport.NOT_NEEDED}
+        told = cancelling.cancel_all([call], 0.5, 5.0, set(), set())
+        assert told == {call: ak.CancelReport.NOT_NEEDED}
     finally:
         closed.set()

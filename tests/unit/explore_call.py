@@ -358,7 +358,7 @@ class World:
             self.waited |= timer is fx.Timer.CANCEL
             self.apply(attempt, attempt.goal.timer(timer, self.now))
         elif event == "waited":
-            self.do(m.waited(self.now, ready=bool(self.up)))
+            self.do(m.waited(self.now, ready=bool(self.up), cancels=not self.left_alone))
         elif event == "deadline":
             self.late = self.expired = True
             self.give_up(CancelReason.DEADLINE)
@@ -416,7 +416,7 @@ class World:
         if (current := self.m.attempt) is not None:
             self.apply(current, current.goal.give_up(why, self.now, abandon=abandon))
         elif why is CancelReason.DEADLINE:
-            self.do(self.m.waited(self.now, ready=bool(self.up)))
+            self.do(self.m.waited(self.now, ready=bool(self.up), cancels=not self.left_alone))
         else:
             self.do(self.m.give_up(why))
 
@@ -435,6 +435,8 @@ class World:
         self.apply(made, goal.attached(self.now, len(self.up), left_alone=self.left_alone))
         if m.unwanted and m.attempt is made:
             self.give_up(CancelReason.CANCELLED)
+        if m.is_late and m.attempt is made:
+            self.give_up(CancelReason.DEADLINE)
 
     def send(self) -> None:
         m = self.m

@@ -663,6 +663,31 @@ def test_no_other_goal_is_sent_that_nobody_wants(ends_for: str) -> None:
     assert is_in(machine, Phase.ENDED)
 
 
+def test_no_other_goal_is_sent_if_the_call_is_replaced() -> None:
+    machine, _ = rejoined(ABORTED)
+    machine.replace_by(call())
+    machine.judged(ABORTED, None, Verdict.PERMANENT)
+    assert is_in(machine, Phase.ENDED)
+
+
+@pytest.mark.parametrize("comes", [False, True])
+def test_after_the_deadline_it_waits_for_a_server_that_cancels_the_goal(comes: bool) -> None:
+    machine = call(attaches=True, keyed=True)
+    machine._deadline = NOW
+    machine.begin(None, NOW)
+    late = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
+    assert machine.waited(NOW, ready=False, cancels=True) == [late, cx.AwaitEarlier()]
+    assert machine.waited(NOW, ready=False, cancels=True) == []
+    no_server = Ending(End.NO_SERVER, GoalState.TIMED_OUT, given_up=True)
+    if comes:
+        machine.server_ready()
+        assert machine.turn(NOW) == [cx.Send()]
+        assert machine.is_late
+    else:
+        last = ends(with_goals(machine, no_server))
+        assert machine.end_grace("") == [cx.StopAwaiting(), *last]
+
+
 def test_no_other_goal_is_sent_after_the_deadline() -> None:
     machine, _ = rejoined(ABORTED, deadline=NOW)
     machine.judged(ABORTED, None, Verdict.PERMANENT)

@@ -471,6 +471,15 @@ def test_a_goal_that_was_sent_just_now_may_be_accepted_yet(just_sent: bool) -> N
     assert goal.settled
 
 
+def test_the_time_for_its_acceptance_does_not_begin_again_with_another_call() -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.attached(0.0, 1, left_alone=False, just_sent=True)
+    goal.result(None, None, 0.1, asked_at=0.1)
+    goal.attached_again(Timeouts(), 9.0, 1, left_alone=False)
+    goal.result(None, None, 9.2, asked_at=9.2)
+    assert goal.settled
+
+
 def test_what_somebody_else_has_sent_is_asked_for() -> None:
     goal = Goal(uuid.uuid4(), Timeouts())
     assert goal.attached(0.0, 2, left_alone=True) == [

@@ -192,6 +192,6 @@ class LedgerFile:
         """Record that a call sends no more goals than these. Never blocks; from any thread."""
         _writer.soon(partial(self._store.limit, goal_id, attempts))
 
-    def _do_soon(self, do: Callable[[], object]) -> None:
-        """Do something with the file. Never blocks; from any thread."""
-        _writer.soon(do)
+    def _do_at_once(self, do: Callable[[], object]) -> None:
+        """Do something with the file, without a pause before it. Never blocks; from any thread."""
+        _writer.at_once(do)

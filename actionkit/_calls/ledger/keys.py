@@ -9,13 +9,21 @@ from __future__ import annotations
 import sqlite3
 import time
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from actionkit._calls.ledger.store import ADD, LIMIT, REMOVE, Leftover, Store, attempt_id
+from actionkit._calls.ledger.store import (
+    ADD,
+    LIMIT,
+    RELEASE,
+    REMOVE,
+    Leftover,
+    Store,
+    attempt_id,
+)
 from actionkit._model.errors import LedgerError
 
 
@@ -37,11 +45,17 @@ _FIND = (
     " FROM keys WHERE key = ?"
 )
 _IN_HANDS_OF = (
-    "SELECT owner, holder, pid, host FROM goals"
+    "SELECT owner, holder, follows, pid, host FROM goals"
     " LEFT JOIN processes ON number = coalesce(holder, owner) WHERE goal_id = ?"
 )
 _PUT = "INSERT OR REPLACE INTO keys VALUES (?, ?, ?, ?, ?, ?, ?, 0, 1, NULL, ?)"
 _JOIN = "UPDATE keys SET state = 0 WHERE key = ?"
+_BY_KEY = 2
+"""In the column `follows`: who has the goal in hand is a call with its key."""
+_CLAIM = (
+    f"UPDATE goals SET holder = ?, follows = {_BY_KEY}, attempts = ?, judged = max(judged, ?)"
+    " WHERE goal_id = ?"
+)
 _SENDS = "UPDATE keys SET attempt = ?, state = 0 WHERE key = ?"
 _END = "UPDATE keys SET state = ?, result = ?, changed = ? WHERE key = ? AND state = 0"
 _LATEST = "SELECT attempt FROM keys WHERE key = ? AND call_id = ?"
@@ -53,6 +67,7 @@ _ALL = (
     " ORDER BY keys.rowid"
 )
 _Then = Callable[[Exception | None], object]
+_Steps = Sequence[tuple[str, tuple[object, ...]]]
 
 
 class Asked(NamedTuple):
@@ -87,6 +102,8 @@ class KeyHold:
     """When the result was written, in seconds since the epoch."""
     over: bool = False
     """Whether the call is over, though its goal may run."""
+    undo: _Steps = ()
+    """What gives the key back as it was taken."""
 
     def id_of(self, attempt: int) -> uuid.UUID:
         """Return the id of a goal by its number, from 1."""
@@ -99,11 +116,18 @@ class KeyHold:
         """
         self.attempt = attempt
         steps = (_SENDS, (attempt, self.key)), (_MOST, (attempt, str(self.call_id)))
-        self.soon(partial(self._write, steps, then))
+        self.soon(partial(self._write, steps, then, sends=True))
 
     def stopped(self) -> None:
         """Write down soon that the goal has failed, and that another one may follow."""
         self.soon(partial(self._write, [(_STOPPED, (self.key, str(self.call_id)))], repr))
+
+    def give_back(self, then: _Then = repr) -> None:
+        """Write down soon that the call is over, and has neither sent nor followed a goal.
+
+        A goal that an earlier call has sent is left over again, or runs on purpose again.
+        """
+        self.soon(partial(self._write, self.undo, then))
 
     def end(self, state: KeyState, result: bytes | None, then: _Then, *, runs: bool) -> None:
         """Write down how the call has ended; with `runs`, its goal may run on.
@@ -115,10 +139,12 @@ class KeyHold:
         steps = (_END, (state, result, time.time(), self.key)), goal
         self.soon(partial(self._write, steps, then))
 
-    def _write(self, steps: Iterable[tuple[str, tuple[object, ...]]], then: _Then) -> None:
+    def _write(self, steps: _Steps, then: _Then, *, sends: bool = False) -> None:
         problem = None
         try:
             with self.store.change() as db:
+                if sends:
+                    self.store.check_there()
                 latest = db.execute(_LATEST, (self.key, str(self.call_id))).fetchone()
                 is_mine = self.store.holds.get(self.key) in (None, self)
                 if is_mine and latest is not None and latest[0] <= self.attempt:
@@ -154,32 +180,60 @@ def take(
         LedgerError: The file cannot be used; or a call in flight, or another process, has the key.
         ValueError: As `check`.
     """
-    with store.change() as db:
-        store.check_there()
-        hold = KeyHold(store, soon, key, uuid.uuid4())
-        _check_not_in_flight(store, key)
-        if (row := db.execute(_FIND, (key,)).fetchone()) is not None:
-            *was, call_id, attempt, state, result, since = row
-            check(Asked(*was))
-            earlier = KeyHold(store, soon, key, uuid.UUID(call_id), attempt)
-            if state == KeyState.SUCCEEDED:
-                earlier.result, earlier.since = result, since
-                return earlier
-            _check_in_no_other_hands(store, db, earlier)
-            db.execute(REMOVE, (call_id,))  # it is written below, as one of this process
-            if state != KeyState.STOPPED:
-                hold = earlier
-                hold.joins = True
-        call_id, now = str(hold.call_id), time.time()
-        if hold.joins:
-            db.execute(_JOIN, (key,))
-        else:
-            db.execute(_PUT, (key, *asked, call_id, now))
-        what = asked.action_name, asked.type_name, asked.domain_id
-        most = hold.attempt + attempts
-        db.execute(ADD, (call_id, *what, most, judged, False, now, store.number))
+    with store.lock:
+        with store.change() as db:
+            store.check_there()
+            _check_not_in_flight(store, key)
+            row = db.execute(_FIND, (key,)).fetchone()
+            hold = KeyHold(store, soon, key, uuid.uuid4())
+            if row is not None:
+                hold = _go_on(store, db, hold, row, check)
+            if hold.result is not None:
+                return hold
+            _write_down(store, db, hold, asked, attempts, judged)
         store.holds[key] = hold
     return hold
+
+
+def _go_on(
+    store: Store,
+    db: sqlite3.Connection,
+    hold: KeyHold,
+    row: tuple[Any, ...],
+    check: Callable[[Asked], None],
+) -> KeyHold:
+    """Return what an earlier call has left, or `hold` if another goal may be sent."""
+    *was, call_id, attempt, state, result, since = row
+    check(Asked(*was))
+    earlier = KeyHold(store, hold.soon, hold.key, uuid.UUID(call_id), attempt)
+    if state == KeyState.SUCCEEDED:
+        earlier.result, earlier.since = result, since
+        return earlier
+    is_left = _check_in_no_other_hands(store, db, earlier)
+    if state == KeyState.STOPPED:
+        db.execute(REMOVE, (call_id,))
+        return hold
+    earlier.joins = True
+    if is_left:
+        earlier.undo = (LIMIT, (attempt, call_id)), (RELEASE, (call_id, store.number))
+    else:
+        earlier.undo = (REMOVE, (call_id,)), (_END, (state, None, since, hold.key))
+    return earlier
+
+
+def _write_down(
+    store: Store, db: sqlite3.Connection, hold: KeyHold, asked: Asked, attempts: int, judged: bool
+) -> None:
+    call_id, now, most = str(hold.call_id), time.time(), hold.attempt + attempts
+    if db.execute(_CLAIM, (store.number, most, judged, call_id)).rowcount:
+        return  # of an earlier call
+    what = asked.action_name, asked.type_name, asked.domain_id
+    db.execute(ADD, (call_id, *what, most, judged, False, now, store.number))
+    if hold.joins:
+        db.execute(_JOIN, (hold.key,))
+    else:
+        hold.undo = ((REMOVE, (call_id,)),)
+        db.execute(_PUT, (hold.key, *asked, call_id, now))
 
 
 def forget(store: Store, key: str) -> bool:
@@ -234,15 +288,17 @@ def _check_not_in_flight(store: Store, key: str) -> None:
         )
 
 
-def _check_in_no_other_hands(store: Store, db: sqlite3.Connection, hold: KeyHold) -> None:
+def _check_in_no_other_hands(store: Store, db: sqlite3.Connection, hold: KeyHold) -> bool:
+    """Return whether its goals are written down. Raise `LedgerError` if somebody has them."""
     row = db.execute(_IN_HANDS_OF, (str(hold.call_id),)).fetchone()
     if row is None:
-        return
-    owner, holder, pid, host = row
-    mine = {store.number} if holder is None else set()
+        return False
+    owner, holder, follows, pid, host = row
+    mine = {store.number} if holder is None or follows == _BY_KEY else set()
     if any(store.is_alive(number) for number in {owner, holder} - {None} - mine):
         raise LedgerError(
             f"key {hold.key!r} is in the hands of process {pid} on {host}, so nothing was sent: it"
             f" sends goal {hold.id_of(max(hold.attempt, 1))}, or follows or cancels it. Wait until"
             " that is over"
         )
+    return True

@@ -39,7 +39,7 @@ ADD = "INSERT INTO goals VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, NULL, 0)"
 REMOVE = "DELETE FROM goals WHERE goal_id = ?"
 _CLAIM = "UPDATE goals SET holder = ?, follows = ? WHERE goal_id = ?"
 LIMIT = "UPDATE goals SET attempts = ? WHERE goal_id = ?"
-_RELEASE = "UPDATE goals SET holder = NULL WHERE goal_id = ? AND holder = ?"
+RELEASE = "UPDATE goals SET holder = NULL WHERE goal_id = ? AND holder = ?"
 _KEYS = (  # an earlier version of ActionKit leaves this table alone
     "CREATE TABLE IF NOT EXISTS keys (key TEXT PRIMARY KEY, action TEXT, type TEXT, layout TEXT,"
     " domain INTEGER, goal BLOB, call_id TEXT, attempt INTEGER, state INTEGER, result BLOB,"
@@ -246,7 +246,7 @@ class Store:
         """Remove those that have stopped, and give the others back: they are left over again."""
         with self.change() as db:
             db.executemany(REMOVE, [(str(goal.goal_id),) for goal in stopped])
-            db.executemany(_RELEASE, [(str(goal.goal_id), self._number) for goal in goals])
+            db.executemany(RELEASE, [(str(goal.goal_id), self._number) for goal in goals])
 
     def _rows(self, where: str = "") -> list[Row]:
         """Return the calls of dead processes, or some of them."""

@@ -133,13 +133,14 @@ class Attempt:
     def attach(self, *, left_alone: bool, just_sent: bool = False) -> None:
         """Have the link tell about a goal that somebody else has sent, perhaps just now."""
         self._servers = self._link.follow_goal(self)
+        self._leave_outbox()
         self._first = partial(self.goal.attached, left_alone=left_alone, just_sent=just_sent)
 
     def attach_again(self, owner: AttemptOwner, timeouts: Timeouts, *, left_alone: bool) -> None:
         """Follow the goal for another call, which attaches to it; the earlier call is over."""
         self.owner = owner
         self._liveness = timeouts.liveness
-        self._in_outbox = True
+        self._leave_outbox()
         self._first = partial(self.goal.attached_again, timeouts, left_alone=left_alone)
 
     def take_back(self, facts: GoalFacts, request: int) -> None:
@@ -295,8 +296,11 @@ class Attempt:
         waiting = self.goal.stage is Stage.SENT and not self.goal.settled
         if self._in_outbox and not waiting:
             # An answer came, or the time to wait for it is over: the next goal may be sent.
-            self._in_outbox = False
-            self._link.leave_outbox(self)
+            self._leave_outbox()
+
+    def _leave_outbox(self) -> None:
+        self._in_outbox = False
+        self._link.leave_outbox(self)
 
     def _arm(self, effect: fx.Arm) -> None:
         self._timers.arm(effect.timer, effect.at)

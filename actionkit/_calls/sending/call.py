@@ -148,6 +148,7 @@ class Call:
     def not_begun(self) -> None:
         """It was written down, and does not begin."""
         if self._key is not None:
+            self._key.hold.give_back()
             self._key.hold.over = True
 
     def _strike_out(self) -> None:
@@ -225,7 +226,7 @@ class Call:
     def close(self, *, abandon: bool, because: str = CLIENT_CLOSED) -> None:
         """End because the client closes, or because something else that calls need has ended."""
         self.machine.closes_because = because
-        if self.machine.attaches and self.machine.attempt is None:
+        if self.machine.attaches and self.machine.is_before_goal:
             if not (self.left_alone or abandon):
                 self.unwanted = True  # it is cancelled, if a server comes in time
             if self.unwanted and not self._settled:
@@ -274,7 +275,8 @@ class Call:
     def on_turn(self) -> None:
         """Its goal may be sent; it is sent now, or after it is queued again."""
         machine, key = self.machine, self._key
-        if key is not None and not machine.attaches and key.hold.attempt < machine.number:
+        is_written = key is None or machine.attaches or key.hold.attempt == machine.number
+        if key is not None and not is_written and machine.may_send():
             key.sends(machine.number, self._written)
             return
         if machine.attempts > 1 and self._request.before_resend is not None:
@@ -359,7 +361,8 @@ class Call:
             # A server of another type may have become visible only now (R21).
             self._session.link.look_again()
         ready = self._session.server_is_ready()
-        self._do(self.machine.waited(time.monotonic(), ready=ready))
+        cancels = not self.left_alone
+        self._do(self.machine.waited(time.monotonic(), ready=ready, cancels=cancels))
 
     def _stop_waiting(self) -> None:
         self._session.link.dequeue(self, self.machine.latest_id)
@@ -381,9 +384,12 @@ class Call:
         attempt.number = self.machine.attempts
         self.machine.sent(attempt)
         attempt.start()
-        if self.machine.attaches and self.unwanted:
+        if self.machine.attaches and (self.unwanted or self.machine.is_late):
             self._stop_awaiting(cx.StopAwaiting())
-            self.cancel()
+            if self.unwanted:
+                self.cancel()
+            if self.machine.is_late:
+                self._give_up(CancelReason.DEADLINE)
 
     def _judge(self, effect: cx.Judge) -> None:
         ending = effect.ending

@@ -157,6 +157,7 @@ class CallKey:
         self._result: bytes | None = None
         """The result of the latest goal, serialised, before a function of the user's has it."""
         self._may_run = False  # though the call is over
+        self._follows = False  # the goal of an earlier call, or has sent one
 
     @property
     def kept(self) -> tuple[Any, str]:
@@ -169,6 +170,7 @@ class CallKey:
 
     def record(self, goal_id: uuid.UUID, state: GoalState) -> None:
         """A goal of the call is in another state."""
+        self._follows = True
         if goal_id == self.hold.id_of(self.hold.attempt):
             self._state = state
 
@@ -178,7 +180,7 @@ class CallKey:
 
     def pause(self) -> None:
         """The call pauses before its next goal, in which its program may be killed."""
-        if self._has_failed:
+        if self._state in _FAILED:
             self.hold.stopped()
 
     def sends(self, goal: int, then: Callable[[Exception | None], None]) -> None:
@@ -196,11 +198,16 @@ class CallKey:
         if self.hold.result is not None:
             then()
             return
+        if self.hold.joins and not self._follows:
+            self.hold.give_back(partial(self._written, then))
+            return
         # A late success is one, too, though its caller had given up.
         late = self._state is GoalState.SUCCEEDED and not self._judged
         done = self._result is not None and (ok or late)
         rejected = ending.end is End.REJECTED_BY_CLASSIFIER
-        failed = self._has_failed or ending.ended_as in _FAILED[1:]  # without its result
+        self._judged &= ending.end is not End.ABORTED
+        ended_as = ending.ended_as or self._state  # the first is without its result
+        failed = self._failed(self._state) or self._failed(ended_as)
         self._may_run = may_run and not ending.abandoned
         state = KeyState.SENT
         if done:
@@ -223,10 +230,12 @@ class CallKey:
 
         if self._may_run:
             self._may_run = False
-            state = KeyState.STOPPED if self._has_failed else KeyState.SENT
+            state = KeyState.STOPPED if self._failed(self._state) else KeyState.SENT
             self.hold.end(state, None, lambda _: None, runs=False)
 
-    @property
-    def _has_failed(self) -> bool:
-        """Whether another goal may be sent, and not only because this one does not run any more."""
-        return self._state in _FAILED
+    def _failed(self, state: GoalState | None) -> bool:
+        """Whether another goal may be sent, and not only because this one does not run any more.
+
+        With `classify=`, an abort that nobody has judged may be a success.
+        """
+        return state in _FAILED and not (state is GoalState.ABORTED and self._judged)

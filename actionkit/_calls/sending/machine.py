@@ -100,6 +100,10 @@ class CallMachine:
         if attaches:
             self.goals.add(GoalFacts(goal_id, left=True))  # it may run, until it is followed
         self._cancel_waits = False  # for a server, to cancel what the call is attached to
+        self.is_late = False
+        """Whether the deadline passed while it waited for a server, to cancel such a goal."""
+        self._ends_as = fx.Ending(fx.End.CANCELLED_BY_CALLER, GoalState.TIMED_OUT, given_up=True)
+        """Its end if no such server comes."""
         self.ending: fx.Ending | None = None
         self.cause: BaseException = RejectedByClassifier()  # the last failure, for strategies
         self.unwanted = False  # set by the caller's thread, before it calls `cancel`
@@ -174,7 +178,7 @@ class CallMachine:
         """Its caller cancels or closes it while it has no goal in flight that could handle that."""
         if self._cancel_waits:
             return []
-        if self.attaches and why is CancelReason.CANCELLED and self._is_before_goal:
+        if self.attaches and why is CancelReason.CANCELLED and self.is_before_goal:
             # The goal may run: it is cancelled as soon as a server is there.
             self._cancel_waits = True
             return [cx.AwaitEarlier()]
@@ -211,14 +215,14 @@ class CallMachine:
         return call is not None and (call.phase is not Phase.ENDED or call.goals.accepted)
 
     @property
-    def _is_before_goal(self) -> bool:
+    def is_before_goal(self) -> bool:
+        """Whether its first goal, or another one, is to be sent or followed soon."""
         return self.phase in (Phase.NEW, Phase.WAITING, Phase.QUEUED)
 
     def end_grace(self, why: str) -> list[cx.Effect]:
         """No time is left for confirmations."""
-        if self._cancel_waits and self._is_before_goal:
-            end = fx.Ending(fx.End.CANCELLED_BY_CALLER, GoalState.TIMED_OUT, given_up=True)
-            return [cx.StopAwaiting(), *self._end(end)]
+        if self._cancel_waits and self.is_before_goal:
+            return [cx.StopAwaiting(), *self._end(self._ends_as)]
         if self.phase is Phase.CONFIRMING:
             return [cx.StopAwaiting(), *self._finish()]
         return [cx.CutJudging(why, at_once=True)] if self.phase is Phase.JUDGING else []
@@ -251,6 +255,8 @@ class CallMachine:
         """A server can be used, or an earlier goal is known not to run any more."""
         if self.phase is not Phase.WAITING:
             return []
+        if self._ends_as.end is fx.End.NO_SERVER:  # not any more
+            self._ends_as = replace(self._ends_as, end=fx.End.DEADLINE, phase="accept")
         self.phase = Phase.QUEUED
         return [cx.Queue()]
 
@@ -273,7 +279,8 @@ class CallMachine:
             return self.give_up(CancelReason.CANCELLED)
         if effects := self._end_for_others():
             return effects
-        if self._is_late(now) or not self.may_send():
+        too_late = self._is_late(now) and not self._cancel_waits
+        if too_late or not self.may_send():
             self.phase = Phase.WAITING
             in_doubt = not all(each.goal.facts.is_over for each in self.earlier)
             self._waits_for_earlier = in_doubt and self._resend == "server_gone"
@@ -282,15 +289,21 @@ class CallMachine:
         self.phase = Phase.TRYING
         return [cx.Send()]
 
-    def waited(self, now: float, *, ready: bool) -> list[cx.Effect]:
+    def waited(self, now: float, *, ready: bool, cancels: bool = False) -> list[cx.Effect]:
         """The time to wait for a server is over, or the deadline has passed.
 
-        `ready` means that a server is ready now.
+        `ready` means that a server is ready now. With `cancels`, a goal that somebody else has sent
+        is to be cancelled.
         """
+        late = self._is_late(now)
+        if self._cancel_waits:
+            self.is_late |= late
+            return []
         if self.phase is Phase.NEW:
             return self._too_late("replace", "waiting for the goal that it replaces to stop")
+        cancels &= late and self.attaches
         if self.phase is Phase.QUEUED:
-            return self._too_late("accept", "waiting to be sent")
+            return self._too_late("accept", "waiting to be sent", cancels=cancels)
         if self.phase is Phase.PAUSING and self._last is not None:
             return self._end(replace(self._last, not_retried="the pause reached the deadline"))
         if self.phase is not Phase.WAITING:
@@ -299,18 +312,27 @@ class CallMachine:
             return effects
         effects = [fx.Record(GoalState.TIMED_OUT, "waiting for a server"), cx.StopRetrying()]
         # If it had a server before, it continues with the ending from that server (C2.7).
-        late, in_flight = self._is_late(now), bool(self.goals.may_run)
+        in_flight = bool(self.goals.may_run)
         if self.previous is not None and (in_flight or not late):
             self.goal_id = self.previous.goal_id
         ending = fx.Ending(fx.End.NO_SERVER, GoalState.TIMED_OUT, given_up=True)
         ready |= self._waits_for_earlier
         ending = after_no_server(ending, self._last, self._server_limit, late, ready, in_flight)
+        if cancels:
+            return [effects[0], *self._await_to_cancel(ending)]
         return effects + (self._end if late or self._last is None else self._plan)(ending)
 
-    def _too_late(self, phase: str, detail: str) -> list[cx.Effect]:
+    def _too_late(self, phase: str, detail: str, *, cancels: bool = False) -> list[cx.Effect]:
         """The deadline has passed, and nothing was sent."""
         ending = fx.Ending(fx.End.DEADLINE, GoalState.TIMED_OUT, phase=phase, given_up=True)
-        return [fx.Record(GoalState.TIMED_OUT, detail), *self._end(ending)]
+        end = self._await_to_cancel if cancels else self._end
+        return [fx.Record(GoalState.TIMED_OUT, detail), *end(ending)]
+
+    def _await_to_cancel(self, ending: fx.Ending) -> list[cx.Effect]:
+        """Cancel the goal that it was to follow, if a server comes soon; else end like this."""
+        self._cancel_waits = self.is_late = True
+        self._ends_as = ending
+        return [cx.AwaitEarlier()]
 
     def _is_late(self, now: float) -> bool:
         return self._deadline is not None and now >= self._deadline
@@ -392,7 +414,7 @@ class CallMachine:
     def _had_failed(self, ending: fx.Ending) -> bool:
         """Whether the goal of an earlier call with the key had failed before this call."""
         earlier = self._keyed and self.attaches and not self.seen_running
-        ends = self.unwanted or self.closes_because
+        ends = self.unwanted or self.closes_because or self._replacement is not None
         return earlier and ending.end in _HAD_FAILED and not ends
 
     def _send_anew(self) -> list[cx.Effect]:

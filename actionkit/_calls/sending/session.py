@@ -180,8 +180,12 @@ class Session:
         from actionkit._calls.sending.keyed import CallKey, take_key
 
         hold, request = take_key(self, request)
-        if request.attach is not None:
-            self.check_not_followed(request.attach)
+        try:
+            if request.attach is not None:
+                self.check_not_followed(request.attach)
+        except ValueError:
+            hold.give_back()
+            raise
         key = CallKey(hold, self, judged=request.classify is not None)
         return Call(self, request, self.dispatcher, key)
 
@@ -283,8 +287,10 @@ class Session:
         if attaches and (earlier := self.watched(goal_id)) is not None:
             if earlier.owner in self.calls:
                 raise ValueError(_FOLLOWED.format(goal_id))
-            earlier.attach_again(owner, timeouts, left_alone=left_alone)
-            return earlier
+            if request.key is None or earlier.goal.stage is not Stage.LOST:
+                earlier.attach_again(owner, timeouts, left_alone=left_alone)
+                return earlier
+            earlier.forget()  # another server is in sight, which may say that it does not know it
         made = Attempt(self.link, goal_id, timeouts, owner, on_change=self._changed)
         # Else a goal that somebody cancels in its first second might be sent again (C4.4).
         despite_loss = request.retry.resend in ("server_gone", "always")

@@ -706,7 +706,7 @@ MUTANTS = (
         "C1.16",
         "a cancel is lost that comes before a goal of somebody else is attached to",
         "_calls/sending/call.py",
-        "        if self.machine.attaches and self.unwanted:\n",
+        "        if self.machine.attaches and (self.unwanted or self.machine.is_late):\n",
         "        if False:\n",
         ("client/test_attach.py::test_a_cancel_before_a_server_is_in_sight_is_not_lost",),
     ),

@@ -26,8 +26,8 @@ MUTANTS = (
         "C2.1",
         "a goal is sent when the time is up",
         "_calls/sending/machine.py",
-        "self._is_late(now) or ",
-        "",
+        "        too_late = self._is_late(now) and not self._cancel_waits\n",
+        "        too_late = False\n",
     ),
     _found(
         "C2.7",
