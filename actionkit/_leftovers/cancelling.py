@@ -106,7 +106,7 @@ class CancellingCalls(Cancelling):
 
     @property
     def failed(self) -> list[Leftover]:
-        """The calls of which the latest goal was seen to have ended without success."""
+        """The calls for which their latest goal was seen to end without success."""
         return [call for call, number in self._newest.items() if self._has_failed(call, number)]
 
     def _has_failed(self, call: Leftover, number: int) -> bool:

@@ -57,7 +57,7 @@ class Ledger(LedgerFile):
         """Return the keys of calls, the oldest first, and what is known of the goal of each.
 
         `"succeeded"`: its result is kept. `"running"`: it may run. `"stopped"`: it has failed, was
-        stopped, or was not sent so far; the next call sends it. `"unknown"`: no server knows it, so
+        stopped, or was not sent yet; the next call sends it. `"unknown"`: no server knows it, so
         it does not run, but it may have finished.
 
         Raises:
