@@ -61,13 +61,15 @@ if os.fork() == 0:
         os.write(1, f"{signal.Signals(number).name}\\n".encode())
         if number == signal.SIGTERM and how != "daemon":
             os._exit(0)
-    for name in ("SIGINT", "SIGTERM", "SIGUSR1"):
-        signal.signal(signal.Signals[name], told)
+    wanted = signal.SIGINT, signal.SIGTERM, signal.SIGUSR1
+    for number in wanted:
+        signal.signal(number, told)  # they may have been ignored
+    signal.pthread_sigmask(signal.SIG_BLOCK, wanted)
     LedgerFile(os.environ["ACTIONKIT_LEDGER"])
     os.write(1, f"{os.getpid()}\\n".encode())
     os.write(is_ready, b".")
     while True:
-        signal.pause()
+        told(signal.sigwait(wanted), None)  # pause() would miss one that comes just before it
 os.read(ready, 1)
 if how == "ros2 run":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # its child gets it, too

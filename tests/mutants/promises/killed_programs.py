@@ -587,7 +587,9 @@ MUTANTS = (
         "_leftovers/cancelling.py",
         "        return goal is not None and goal.state in ends\n",
         "        return goal is not None and goal.state not in ends[:0]\n",
-        ("client/test_ledger.py::test_only_what_was_seen_to_fail_has_failed[EXECUTING-False-False]",),
+        (
+            "client/test_ledger.py::test_only_what_was_seen_to_fail_has_failed[EXECUTING-False-False]",
+        ),
     ),
     Mutant(
         "C1.17",
