@@ -121,7 +121,7 @@ SERVERS = {
 
 
 @pytest.mark.parametrize("kind", SERVERS)
-@pytest.mark.parametrize("killed", [6, pytest.param(20, marks=pytest.mark.long)])
+@pytest.mark.parametrize("killed", [6, pytest.param(9, marks=pytest.mark.long)])
 @pytest.mark.timeout(300)
 def test_each_leg_of_a_mission_that_is_killed_is_done_once(kind, killed, action_server, path):
     name, options = SERVERS[kind]
