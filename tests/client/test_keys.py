@@ -241,6 +241,7 @@ def test_a_goal_that_its_call_has_left_is_followed_by_the_next_one(
         client.call({"order": 1}, timeout=0.5, key="leg")
     assert Ledger(path).keys() == {"leg": "running"}
     future = client.call_async({"order": 1}, timeout=20.0, key="leg")
+    until(lambda: future.state is ak.GoalState.CANCELING)  # else it had ended before the call
     server.release()
     assert future.outcome(20).status is ak.GoalState.CANCELED
     assert server.count("goal_received") == 1
