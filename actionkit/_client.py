@@ -233,16 +233,8 @@ class Client(Generic[ActionT_co]):
         """
         refuse_in_callback()
         warn_on_event_loop("Client.call()", "await client.call_async()")
-        call = self._prepare(
-            goal,
-            on_feedback,
-            timeout,
-            retry,
-            classify,
-            replaces=replaces,
-            preempt=preempt,
-            key=key,
-        )
+        arguments = goal, on_feedback, timeout, retry, classify
+        call = self._prepare(*arguments, replaces=replaces, preempt=preempt, key=key)
         future: GoalFuture[ResultT, FeedbackT] = call.future
         try:
             self._session.begin(call)
@@ -290,16 +282,8 @@ class Client(Generic[ActionT_co]):
             TypeError, ValueError: An argument other than `goal` is wrong, or `key` was used for
                 another goal.
         """
-        call = self._prepare(
-            goal,
-            on_feedback,
-            timeout,
-            retry,
-            classify,
-            replaces=replaces,
-            preempt=preempt,
-            key=key,
-        )
+        arguments = goal, on_feedback, timeout, retry, classify
+        call = self._prepare(*arguments, replaces=replaces, preempt=preempt, key=key)
         self._session.begin(call)
         return call.future
 

@@ -103,7 +103,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         if key is not None and not (isinstance(key, str) or callable(key)):
             raise TypeError(f"key={key!r} must be a str, or a function that returns one")
         if key is not None and earlier_goal == "preempt":
-            raise ValueError("key= contradicts earlier_goal='preempt': a key's goal is sent once")
+            raise ValueError("key= does not go with earlier_goal='preempt': it is sent once")
         self._key = key
         self._board = self.attach_blackboard_client()
         self._source = GoalSource(goal, self._hold.action_type.Goal, self._board)

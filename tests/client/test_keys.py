@@ -102,7 +102,8 @@ def test_a_goal_is_cancelled_or_left_over_if_its_call_gives_up_before_a_server_i
 ):
     server = action_server("never_finishes")
     killed(run_script, server)
-    outcome = make_client().call_async({"order": 100}, timeout=0.01, key="leg").outcome(20)
+    client = make_client(timeouts=Timeouts(cancel=20.0))
+    outcome = client.call_async({"order": 100}, timeout=0.01, key="leg").outcome(30)
     assert isinstance(outcome.error, ak.DeadlineExceededError)
     assert runs_nothing(server)
     until(lambda: Ledger(path).keys() == {"leg": "stopped"})
@@ -110,7 +111,8 @@ def test_a_goal_is_cancelled_or_left_over_if_its_call_gives_up_before_a_server_i
     killed(run_script, server, count=2)
     (left,) = Ledger(path).leftovers()
     server.stop()
-    outcome = make_client().call_async({"order": 100}, timeout=0.01, key="leg").outcome(20)
+    client = make_client(timeouts=Timeouts(cancel=0.2))
+    outcome = client.call_async({"order": 100}, timeout=0.01, key="leg").outcome(20)
     assert isinstance(outcome.error, ak.ServerUnavailableError)
     assert [str(goal.goal_id) for goal in outcome.goals if goal.fate.may_run] == [str(left.goal_id)]
     assert [goal.goal_id for goal in Ledger(path).leftovers()] == [left.goal_id]
@@ -192,7 +194,8 @@ def test_a_goal_that_may_have_finished_is_an_error_until_the_key_is_forgotten(
     killed(run_script, server)
     server.kill()
     server.restart()
-    client = make_client()
+    retry = RetryPolicy(attempts=3, initial=0, jitter=0)
+    client = make_client(retry=retry, classify=lambda _: Verdict.TRANSIENT)
     with pytest.raises(ak.GoalUnknownError, match=r"ledger\.forget\('leg'\)` lets it be sent"):
         client.call({"order": 100}, timeout=20.0, key="leg")
     ledger = Ledger(path)
@@ -271,7 +274,7 @@ def test_a_key_is_for_one_goal_of_one_action(action_server, make_client, path):
     [
         ({"key": 3}, "key=3 must be a str"),
         ({"key": ""}, "must have 1 to 200 characters"),
-        ({"key": "leg", "retry": RetryPolicy(resend="always")}, "contradicts RetryPolicy"),
+        ({"key": "leg", "retry": RetryPolicy(resend="always")}, "does not go with RetryPolicy"),
     ],
 )
 def test_what_does_not_go_with_a_key_is_refused(more, text, make_client, path):

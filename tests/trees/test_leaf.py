@@ -150,7 +150,7 @@ WRONG = {
     "key and preempt": (
         {"key": "leg", "earlier_goal": "preempt"},
         ValueError,
-        "contradicts earlier_goal='preempt'",
+        "does not go with earlier_goal='preempt'",
     ),
     "earlier_goal": ({"earlier_goal": "stop"}, ValueError, "'wait', 'fail' or 'preempt'"),
     "key": ({"result_key": "a.b"}, ValueError, "result_key='a.b'"),

@@ -47,7 +47,8 @@ def check_key(key: object, session: KeySession, retry: RetryPolicy, replaces: ob
 
     Raises:
         TypeError: It is not a string.
-        ValueError: It is empty or too long; there is no ledger; or another argument contradicts it.
+        ValueError: It is empty or too long; there is no ledger; or it does not go with another
+            argument.
     """
     if not isinstance(key, str):
         raise TypeError(f"key={key!r} must be a str, such as 'leg-3'")
@@ -60,12 +61,12 @@ def check_key(key: object, session: KeySession, retry: RetryPolicy, replaces: ob
         )
     if retry.resend in ("server_gone", "always"):
         raise ValueError(
-            f"key={key!r} contradicts RetryPolicy(resend={retry.resend!r}), which allows another"
-            " goal while one may still run: leave `resend` out"
+            f"key={key!r} does not go with RetryPolicy(resend={retry.resend!r}), which allows"
+            " another goal while one may still run: leave `resend` out"
         )
     if replaces is not None:
         raise ValueError(
-            f"key={key!r} contradicts replaces=: the goal of a key is sent once. Wait for the"
+            f"key={key!r} does not go with replaces=: the goal of a key is sent once. Wait for the"
             " earlier call, or cancel it"
         )
 

@@ -197,7 +197,7 @@ class Session:
         """
         try:
             self.check()
-        except BaseException:
+        except BaseException:  # also Ctrl-C: else the guard would not find its key's goal
             call.not_begun()
             raise
         if self.ledger is not None:
