@@ -63,6 +63,7 @@ if _typing.TYPE_CHECKING:  # the same as in `_MODULES`, for type checkers and ed
     from actionkit._observers.protocol import CallInfo, Observer
     from actionkit._observers.rosout import Rosout
     from actionkit._observers.telemetry import OpenTelemetry
+    from actionkit._recordings.goals import RecordedGoal, RecordedGoals, read_goals
 
 __version__ = "1.0.0"
 
@@ -98,6 +99,8 @@ __all__ = [
     "OpenTelemetry",
     "Outcome",
     "PermanentError",
+    "RecordedGoal",
+    "RecordedGoals",
     "ResultLostError",
     "RetriesExhaustedError",
     "RetryBudget",
@@ -113,6 +116,7 @@ __all__ = [
     "cancel_on_signals",
     "classify_by_field",
     "from_plain",
+    "read_goals",
     "read_json_lines",
     "retry_aborted",
     "to_plain",
@@ -150,6 +154,8 @@ _MODULES = {
     "OpenTelemetry": "_observers.telemetry",
     "Outcome": "_model.values",
     "PermanentError": "_model.errors",
+    "RecordedGoal": "_recordings.goals",
+    "RecordedGoals": "_recordings.goals",
     "ResultLostError": "_model.errors",
     "RetriesExhaustedError": "_model.errors",
     "RetryBudget": "_calls.retries.budget",
@@ -165,6 +171,7 @@ _MODULES = {
     "cancel_on_signals": "_calls.on_signal.signals",
     "classify_by_field": "_calls.retries.classify",
     "from_plain": "_messages.convert",
+    "read_goals": "_recordings.goals",
     "read_json_lines": "_observers.json_reader",
     "retry_aborted": "_calls.retries.classify",
     "to_plain": "_messages.convert",

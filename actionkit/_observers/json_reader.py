@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import uuid
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from actionkit._model.timeline import Recorder
-from actionkit._model.values import Timeline
+from actionkit._model.values import GoalEvent, GoalState, Timeline
 from actionkit._observers.json_schema import LoggedLine, NoteLine, parse_line
 
 
@@ -34,14 +35,35 @@ class LogFile:
 
     def timelines(self) -> dict[uuid.UUID, Timeline]:
         """Return the timeline of each call by its id, the same as in the call's own future."""
-        return {call_id: _timeline(lines) for call_id, lines in self.calls().items()}
+        return {
+            call_id: timeline_of(line.event for line in lines)
+            for call_id, lines in self.calls().items()
+        }
 
 
-def _timeline(lines: list[LoggedLine]) -> Timeline:
-    recorder = Recorder()
+def ending(lines: Sequence[LoggedLine]) -> tuple[str, float] | None:
+    """Return how a call ended, in a word, and when, on the clock of its events.
+
+    Who watches a goal does not see the call: then it is the state in which the goal ended. `None`
+    means that the lines have no end.
+    """
+    events = [line.event for line in lines if line.event is not None]
     for line in lines:
-        if line.event is not None:
-            recorder.add(line.event)
+        if line.kind == "outcome":
+            return str(line.data["outcome"]), float(line.data["monotonic"])
+    if not any(event.state is GoalState.SENDING for event in events):
+        for event in events:
+            if event.state.is_terminal:
+                return str(event.state), event.monotonic
+    return None
+
+
+def timeline_of(events: Iterable[GoalEvent | None]) -> Timeline:
+    """Return the timeline of these events; `None` is left out."""
+    recorder = Recorder()
+    for event in events:
+        if event is not None:
+            recorder.add(event)
     return recorder.events()
 
 

@@ -30,21 +30,23 @@ def event_line(event: GoalEvent, call: CallInfo, **messages: Mapping[str, Any] |
 
     `messages` may have `goal=` or `feedback=`, a message as plain data; `None` is left out.
     """
-    return to_json(
-        {
-            **_head("event", call),
-            "goal_id": str(event.goal_id),
-            "attempt": event.attempt,
-            "state": event.state.value,
-            "monotonic": event.monotonic,
-            "wall": event.wall,
-            "elapsed_ms": call.elapsed_ms(event),
-            "detail": event.detail,
-            "cancel_refused": event.cancel_refused,
-            **{name: plain for name, plain in messages.items() if plain is not None},
-        },
-        compact_ascii=True,
-    )
+    return to_json(event_data(event, call, os.getpid(), **messages), compact_ascii=True)
+
+
+def event_data(event: GoalEvent, call: CallInfo, pid: int, **more: object | None) -> dict[str, Any]:
+    """Return what the line of an event says; `more` are further fields, without those of `None`."""
+    return {
+        **_head("event", call, pid),
+        "goal_id": str(event.goal_id),
+        "attempt": event.attempt,
+        "state": event.state.value,
+        "monotonic": event.monotonic,
+        "wall": event.wall,
+        "elapsed_ms": call.elapsed_ms(event),
+        "detail": event.detail,
+        "cancel_refused": event.cancel_refused,
+        **{name: value for name, value in more.items() if value is not None},
+    }
 
 
 def outcome_line(
@@ -53,7 +55,7 @@ def outcome_line(
     """Return the line of a call's end; `result` is plain data, and `more` are further fields."""
     return to_json(
         {
-            **_head("outcome", call),
+            **_head("outcome", call, os.getpid()),
             "goal_id": str(outcome.goal_id),
             "state": outcome.status.value,
             "monotonic": call.monotonic + outcome.elapsed,
@@ -83,11 +85,11 @@ def note_line(kind: str, action_name: str, wall: float, **more: Any) -> str:
     return to_json({**head, "wall": wall, **more}, compact_ascii=True)
 
 
-def _head(kind: str, call: CallInfo) -> dict[str, Any]:
+def _head(kind: str, call: CallInfo, pid: int) -> dict[str, Any]:
     return {
         "v": VERSION,
         "kind": kind,
-        "pid": os.getpid(),
+        "pid": pid,
         "call_id": str(call.call_id),
         "action_name": call.action_name,
         "action_type": call.action_type,

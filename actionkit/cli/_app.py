@@ -80,7 +80,7 @@ _COMMANDS = {
     ),
     "timeline": _Known(
         "timeline",
-        "Show the goals in FILE, a log of the observer JsonLines.",
+        "Show the goals in FILE, a log of the observer JsonLines or a recording of `ros2 bag`.",
     ),
     "stubs": _Known(
         "interfaces.stubs",

@@ -26,6 +26,7 @@ RUN_ELSEWHERE = {
     "guides/moveit.md": "tests/field/test_moveit_page.py",
     "guides/nav2.md": "tests/docs/test_nav2.py",
     "guides/web-pages.md": "tests/field/test_rosbridge.py",
+    "guides/what-happened.md": "tests/recordings/test_bags.py",
     "logging.md": "tests/test_logging_docs.py",
     "command-line.md": "its commands are those of tests/cli",
     "CHANGELOG.md": "tells of the past",

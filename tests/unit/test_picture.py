@@ -25,9 +25,9 @@ from hypothesis import strategies as st
 import actionkit as ak
 from actionkit import CallInfo, GoalEvent, GoalState, LoggedLine, Outcome, Timeline
 from actionkit._observers.json_schema import event_line, outcome_line, parse_line
-from actionkit._pictures.layout import Activity, Sign
-from actionkit._pictures.names import shortened
-from actionkit._pictures.svg import draw
+from actionkit._recordings.pictures.layout import Activity, Sign, lay_out
+from actionkit._recordings.pictures.names import shortened
+from actionkit._recordings.pictures.svg import draw
 from actionkit.cli._app import app
 from actionkit.cli._shared.problems import Problem
 from actionkit.cli.timeline import report
@@ -371,6 +371,31 @@ def test_a_file_of_something_else_is_one_error() -> None:
     with pytest.raises(Problem, match="is no log of goals") as caught:
         run(__file__)
     assert caught.value.code == 1
+
+
+def test_calls_are_grouped_by_action_and_times_of_several_goals_are_marked() -> None:
+    def goal(number: int, began: float, end: float, name: str) -> list[LoggedLine]:
+        steps = [(0.0, S.SENDING, 1), (0.1, S.ACCEPTED, 1), (end - began, S.SUCCEEDED, 1)]
+        return call(steps, number=number, began=began, end=end - began, action_name=name)
+
+    calls = [
+        goal(1, 0.0, 4.0, "/arm"),
+        goal(2, 1.0, 9.0, "/base"),
+        goal(3, 2.0, 3.0, "/arm"),
+        goal(4, 3.5, 6.0, "/arm"),
+        goal(5, 6.0, 7.0, "/arm"),
+    ]
+    arm, base = lay_out(calls).groups
+    assert [row.start for row in arm.rows] == [0.0, 2.0, 3.5, 6.0]
+    assert [row.action_name for row in base.rows] == ["/base"]
+    assert arm.together == [
+        (pytest.approx(2.1), pytest.approx(3.0)),
+        (pytest.approx(3.6), pytest.approx(4.0)),
+    ]
+    assert base.together == []
+    svg = draw(calls)
+    assert svg.count('class="together"') == 3  # two, and the legend
+    assert svg.count('class="border"') == 1
 
 
 def test_many_bad_lines_are_not_all_told(tmp_path: Path) -> None:

@@ -49,6 +49,8 @@ NAMES = [
     "OpenTelemetry",
     "Outcome",
     "PermanentError",
+    "RecordedGoal",
+    "RecordedGoals",
     "ResultLostError",
     "RetriesExhaustedError",
     "RetryBudget",
@@ -64,6 +66,7 @@ NAMES = [
     "cancel_on_signals",
     "classify_by_field",
     "from_plain",
+    "read_goals",
     "read_json_lines",
     "retry_aborted",
     "to_plain",
@@ -105,6 +108,7 @@ SIGNATURES = {
     actionkit.OpenTelemetry.__init__: "(self, tracer_provider=None, meter_provider=None)",
     actionkit.Rosout.__init__: "(self, node)",
     actionkit.Observer.on_event: "(self, event, call)",
+    actionkit.read_goals: "(path)",
     actionkit.read_json_lines: "(path)",
     ActionBehaviour.__init__: "(self, name, client, goal, *, timeout=None, retry=None,"
     " classify=None, feedback_key=None, result_key=None, earlier_goal='wait', key=None,"
@@ -166,6 +170,8 @@ FIELDS = {
     "CallInfo": "call_id action_name action_type node_name monotonic wall goal context",
     "LogFile": "lines problems",
     "LoggedLine": "kind call_id action_name action_type node_name pid event data",
+    "RecordedGoal": "goal_id action_name action_type state began accepted ended sent_by server goal"
+    " result timeline",
     "RetryPolicy": "attempts initial factor max_pause jitter resend stop wait",
     "Timeouts": "server accept total feedback cancel liveness result",
 }
@@ -179,6 +185,7 @@ RAISES = {
     actionkit.JsonLines.__init__: "OSError TypeError ValueError",
     actionkit.OpenTelemetry.__init__: "ImportError TypeError",
     actionkit.Rosout.__init__: "TypeError",
+    actionkit.read_goals: "ImportError OSError ValueError",
     actionkit.read_json_lines: "OSError",
     ActionBehaviour.__init__: "TypeError ValueError AttributeError",
     ActionBehaviour.setup: "ServerUnavailableError ImportError ActionTypeMismatchError TypeError"

@@ -166,7 +166,7 @@ class CallRecord:
 
 
 def _to_html(timeline: Timeline, outcome: Outcome[Any] | None) -> str:
-    from actionkit._pictures.notebook import to_html
+    from actionkit._recordings.pictures.notebook import to_html
 
     return to_html(timeline, outcome)
 

@@ -1,25 +1,13 @@
-"""Decodes the numbers of the action protocol: goal states and answers to cancel requests."""
+"""Decodes the answers to cancel requests."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from typing import Any
 
-from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit._model.values import GoalState
-
-STATES = {
-    GoalStatus.STATUS_ACCEPTED: GoalState.ACCEPTED,
-    GoalStatus.STATUS_EXECUTING: GoalState.EXECUTING,
-    GoalStatus.STATUS_CANCELING: GoalState.CANCELING,
-    GoalStatus.STATUS_SUCCEEDED: GoalState.SUCCEEDED,
-    GoalStatus.STATUS_CANCELED: GoalState.CANCELED,
-    GoalStatus.STATUS_ABORTED: GoalState.ABORTED,
-}
-"""Code -> state. Without STATUS_UNKNOWN (0): then the server does not know the goal."""
 
 
 def cancel_answer(response: Any, goal_id: bytes, canceling: Collection[bytes]) -> CancelAnswer:

@@ -10,6 +10,17 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from struct import Struct
 
+from actionkit._model.values import GoalState
+
+STATES = {
+    1: GoalState.ACCEPTED,
+    2: GoalState.EXECUTING,
+    3: GoalState.CANCELING,
+    4: GoalState.SUCCEEDED,
+    5: GoalState.CANCELED,
+    6: GoalState.ABORTED,
+}
+"""Code -> state, of `action_msgs/msg/GoalStatus`. Without 0: the server does not know the goal."""
 ID_SIZE = 16
 """Bytes of a goal id, a `uint8[16]`."""
 _HEADER = 4

@@ -13,8 +13,7 @@ from action_msgs.msg import GoalStatusArray
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
-from actionkit._ros.answers.codes import STATES
-from actionkit._ros.answers.wire import goals
+from actionkit._ros.answers.wire import STATES, goals
 from actionkit._ros.communication.runtimes import Place
 from actionkit._ros.endpoints import graph
 from actionkit._ros.endpoints.names import ActionNames

@@ -13,10 +13,11 @@ from typing import Any
 from rclpy.node import Node
 
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit._ros.answers.codes import STATES, cancel_answer
+from actionkit._ros.answers.codes import cancel_answer
 from actionkit._ros.answers.feedback import FeedbackWatch
 from actionkit._ros.answers.listener import GoalListener, Waiter
 from actionkit._ros.answers.status import StatusWatch
+from actionkit._ros.answers.wire import STATES
 from actionkit._ros.communication.outbox import Outbox, Window
 from actionkit._ros.communication.runtime import Runtime
 from actionkit._ros.endpoints.entities import Entities

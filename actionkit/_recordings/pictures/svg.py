@@ -12,9 +12,9 @@ from xml.sax.saxutils import escape
 
 from actionkit._model.values import date_text
 from actionkit._observers.json_schema import LoggedLine
-from actionkit._pictures.layout import Activity, Bar, Lane, Picture, Row, Sign, lay_out
-from actionkit._pictures.names import shortened
-from actionkit._pictures.scale import axis_for
+from actionkit._recordings.pictures.layout import Activity, Bar, Lane, Picture, Row, Sign, lay_out
+from actionkit._recordings.pictures.names import shortened
+from actionkit._recordings.pictures.scale import axis_for
 
 WIDTH = 1200
 """Pixels, like all sizes below: the width fits on the screen of a laptop."""
@@ -75,6 +75,8 @@ text { font: 12px "DejaVu Sans", Verdana, Helvetica, Arial, sans-serif; fill: #2
 .middle { text-anchor: middle }
 .grid { stroke: #dddddd; stroke-width: 1 }
 .stripe { fill: #f4f4f4 }
+.together { fill: #fbeec2 }
+.border { stroke: #999999; stroke-width: 1 }
 .mark { stroke: #222222 }
 .feedback { stroke: #ffffff; stroke-width: 0.8; fill: none }
 .pause { stroke: #777777; stroke-width: 1.2; stroke-dasharray: 3 2; fill: none }
@@ -115,6 +117,7 @@ class _Drawing:
         self._head(name)
         self._legend()
         self._stripes()
+        self._groups()
         self._axis()
         top = _TOP + 0.0
         for number, row in enumerate(self._picture.rows, 1):
@@ -163,7 +166,10 @@ class _Drawing:
                 f'fill="{_FILL[Activity.EXECUTING]}"/>'
                 f'<path class="feedback" d="M{x + 5:.1f} 60v12m6 -12v12m6 -12v12"/>'
             )
-            self._legend_text(x + 28, 70, "feedback")
+            x = self._legend_text(x + 28, 70, "feedback")
+        if any(group.together for group in self._picture.groups):
+            self._put(f'<rect class="together" x="{x:.1f}" y="60" width="22" height="12"/>')
+            self._legend_text(x + 28, 70, "goals of one action together")
         x = 16.0
         for sign in (sign for sign in Sign if sign in signs):
             self._put(_mark(sign, x + 6, 86, 5.5))
@@ -200,6 +206,21 @@ class _Drawing:
                     f'<rect class="stripe" x="0" y="{top:.1f}" width="{WIDTH}"'
                     f' height="{height:.1f}"/>'
                 )
+            top += height
+
+    def _groups(self) -> None:
+        """Shade the times at which goals of one action ran together; part actions by lines."""
+        top = _TOP + 0.0
+        for group in self._picture.groups:
+            height = self._lane * group.lanes
+            for start, end in group.together:
+                x = self._x(start)
+                self._put(
+                    f'<rect class="together" x="{x:.2f}" y="{top:.1f}"'
+                    f' width="{max(self._x(end) - x, 0.4):.2f}" height="{height:.1f}"/>'
+                )
+            if top > _TOP:
+                self._put(f'<path class="border" d="M0 {top:.1f}H{WIDTH}"/>')
             top += height
 
     @property

@@ -11,6 +11,7 @@ from enum import Enum
 from itertools import zip_longest
 
 from actionkit._model.values import GoalEvent, GoalState, Timeline
+from actionkit._observers.json_reader import ending
 from actionkit._observers.json_schema import LoggedLine
 
 
@@ -57,6 +58,7 @@ _SIGNS = {
     GoalState.TIMED_OUT: Sign.TIMED_OUT,
     GoalState.REPLACED: Sign.REPLACED,
 }
+_RUNNING = (Activity.ACCEPTED, Activity.EXECUTING, Activity.CANCELING)
 _NEVER_SENT = {Activity.SERVER, Activity.PAUSE, None}
 
 
@@ -89,8 +91,21 @@ class Row:
     action_name: str
     start: float  # when it was made
     end: float | None  # `None` if the log does not say
-    outcome: str  # `"ok"`, `"cancelled"` or the name of the error; `""` if the log has none
+    outcome: str  # the word of `ending`; `""` if the log has none
     lanes: list[Lane]  # its attempts, in order
+
+
+@dataclass
+class Group:
+    """All calls of one action."""
+
+    rows: list[Row]  # in the order in which the calls began
+    together: list[tuple[float, float]]  # when several of its goals ran, from when to when
+
+    @property
+    def lanes(self) -> int:
+        """Return how many lanes it takes."""
+        return sum(max(1, len(row.lanes)) for row in self.rows)
 
 
 @dataclass
@@ -99,7 +114,12 @@ class Picture:
 
     wall: float  # seconds since the epoch at time 0 of all other times
     end: float  # the last moment
-    rows: list[Row]  # in the order in which the calls began
+    groups: list[Group]  # in the order in which the first call of each action began
+
+    @property
+    def rows(self) -> list[Row]:
+        """Return all calls in the order in which they are drawn."""
+        return [row for group in self.groups for row in group.rows]
 
 
 def lay_out(calls: Sequence[Sequence[LoggedLine]]) -> Picture:
@@ -114,7 +134,27 @@ def lay_out(calls: Sequence[Sequence[LoggedLine]]) -> Picture:
     )
     end = max(0.0, max(moments, default=0.0))  # a clock that was set back may end before 0
     rows = [_row(lines, shift, end) for lines, shift in zip(calls, shifts, strict=True)]
-    return Picture(base, end, sorted(rows, key=lambda row: row.start))
+    by_action: dict[str, list[Row]] = {}
+    for row in sorted(rows, key=lambda row: row.start):
+        by_action.setdefault(row.action_name, []).append(row)
+    return Picture(base, end, [Group(own, _together(own)) for own in by_action.values()])
+
+
+def _together(rows: Sequence[Row]) -> list[tuple[float, float]]:
+    """Return when two or more goals of these calls ran at the same time."""
+    changes = []
+    for lane in (lane for row in rows for lane in row.lanes):
+        ran = [bar for bar in lane.bars if bar.phase in _RUNNING]
+        if ran:
+            changes += [(ran[0].start, 1), (ran[-1].end, -1)]
+    found, running, since = [], 0, 0.0
+    for at, change in sorted(changes):  # at one moment, an end comes first
+        if change > 0 and running == 1:
+            since = at
+        elif change < 0 and running == 2:
+            found.append((since, at))
+        running += change
+    return found
 
 
 def _beginning(lines: Sequence[LoggedLine]) -> tuple[float, float]:
@@ -126,8 +166,8 @@ def _beginning(lines: Sequence[LoggedLine]) -> tuple[float, float]:
 
 def _row(lines: Sequence[LoggedLine], shift: float, end_of_all: float) -> Row:
     events = [line.event for line in lines if line.event is not None]
-    outcome = next((line for line in lines if line.kind == "outcome"), None)
-    ended = None if outcome is None else float(outcome.data["monotonic"]) + shift
+    word, at = ending(lines) or ("", None)
+    ended = None if at is None else at + shift
     numbers = sorted({event.attempt for event in events})
     starts = {n: next(e.monotonic for e in events if e.attempt == n) + shift for n in numbers}
     lanes = []
@@ -139,7 +179,6 @@ def _row(lines: Sequence[LoggedLine], shift: float, end_of_all: float) -> Row:
         if last and ended is None and lane.open:
             lane.marks.append((Sign.UNENDED, end_of_all))
         lanes.append(lane)
-    word = "" if outcome is None else str(outcome.data["outcome"])
     if ended is not None and word != "ok" and not (lanes and lanes[-1].marks):
         lanes = lanes or [Lane(1, str(lines[0].data["goal_id"]))]
         lanes[-1].marks.append((Sign.FAILED, ended))
@@ -151,6 +190,7 @@ def _lane(events: list[GoalEvent], shift: float, until: float) -> Lane:
     kept = _without_middle_feedback(events)
     lane = Lane(events[0].attempt, str(events[0].goal_id), text=str(Timeline(kept)))
     phase, since = None, 0.0
+    state: GoalState | None = None
     for event in events:
         at = event.monotonic + shift
         if event.state is GoalState.FEEDBACK:
@@ -158,10 +198,10 @@ def _lane(events: list[GoalEvent], shift: float, until: float) -> Lane:
             continue
         if phase is not None and at > since:
             lane.bars.append(Bar(phase, since, at))
-        if event.state in _SIGNS:
+        if event.state in _SIGNS and event.state is not state:  # another event may tell it again
             lane.marks.append((_SIGNS[event.state], at))
         never_sent = event.state is GoalState.TIMED_OUT and phase in _NEVER_SENT
-        phase, since = None if never_sent else _PHASES.get(event.state), at
+        phase, since, state = None if never_sent else _PHASES.get(event.state), at, event.state
     lane.open = phase is not None
     if phase is not None and until > since:
         lane.bars.append(Bar(phase, since, until))

@@ -1,0 +1,272 @@
+"""Finds the goals in a recording: what happened to each, as lines of a log."""
+
+from __future__ import annotations
+
+import re
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from struct import Struct
+from struct import error as StructError
+from typing import Any
+
+from actionkit._messages.json_text import to_json
+from actionkit._model.values import GoalEvent, GoalState
+from actionkit._observers.json_schema import LoggedLine, event_data
+from actionkit._observers.protocol import CallInfo
+from actionkit._recordings.bag_fields import Fields
+from actionkit._recordings.bag_files import Bag, Message
+from actionkit._ros.answers.wire import ID_SIZE, STATES, feedback_goal_id, goals
+from actionkit._ros.others_goals.server_numbers import GoalKey, ServerNumbers
+
+_TOPIC = re.compile(
+    r"(.+)/_action/(status|feedback|(?:send_goal|get_result|cancel_goal)/_service_event)"
+)
+_TYPE = re.compile(r"(.+)_(?:FeedbackMessage|SendGoal_Event|GetResult_Event)")
+_INFO = Struct("<4xB3xiI16s4xqI")
+"""CDR: the header, `service_msgs/ServiceEventInfo`, and how many requests follow: 0 or 1."""
+_COUNT = Struct("<I")
+_GOAL_INFO = Struct("<16sII")
+_TERMINATED = 3
+"""The answer to a cancel request: the goal had ended (`action_msgs/srv/CancelGoal`)."""
+_LONGEST = 100
+"""Characters of fields in the text of an event; the event's data have all of them."""
+_ONE_CLOCK = 86400.0
+"""Seconds. An acceptance longer ago was stamped by another clock, such as a simulation's."""
+
+
+@dataclass
+class _Event:
+    """One event of a goal. The goal's lines are made of them at the end."""
+
+    state: GoalState
+    at: float  # seconds since the epoch
+    detail: str = ""
+    refused: bool = False  # as `GoalEvent.cancel_refused`
+    more: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class _Goal:
+    """One goal on one server."""
+
+    goal_id: bytes
+    server: int = 0  # its number; 0 until it is known
+    state: GoalState | None = None
+    feedback: int = 0
+    events: list[_Event] = field(default_factory=list)
+
+    @property
+    def ended(self) -> bool:
+        return self.state is not None and self.state.is_terminal
+
+    def add(self, state: GoalState, at: float, detail: str = "", **more: Any) -> None:
+        """Add an event with a state that the goal is in from now on."""
+        self.state = state
+        self.events.append(_Event(state, at, detail, more=more))
+
+    def note(self, at: float, detail: str, *, refused: bool = False) -> None:
+        """Add an event that changes no state."""
+        self.events.append(_Event(self.state or GoalState.SENT, at, detail, refused))
+
+
+class _Action:
+    """Collects the goals of one action."""
+
+    def __init__(self, fields: Fields) -> None:
+        self.goals: dict[bytes, list[_Goal]] = {}
+        """The goals by id, each with one entry for each server that has it."""
+        self.servers = ServerNumbers()
+        self.type = ""
+        self._fields = fields
+        self._codes: dict[GoalKey, int] = {}
+        self._has_status = False
+        self._requests: dict[tuple[bytes, int, str], bytes] = {}
+        """The goals that requests were about, by the request's client, number and service."""
+
+    def take(self, kind: str, message: Message) -> None:
+        """Take a message of one of the action's topics."""
+        if found := _TYPE.fullmatch(message.ros_type):
+            self.type = found[1]
+        at = message.stamp * 1e-9
+        if kind == "status":
+            self._status(at, message.data)
+        elif kind == "feedback":
+            goal = self._goal(feedback_goal_id(message.data))
+            goal.feedback += 1
+            more = {"feedback": self._fields.feedback(self.type, message.data)}
+            goal.events.append(_Event(GoalState.FEEDBACK, at, f"#{goal.feedback}", more=more))
+        else:
+            self._service(kind.partition("/")[0], at, message.data)
+
+    def _goal(self, goal_id: bytes, server: int = 0) -> _Goal:
+        """Return a goal; `server` is the number of its server, or 0 if that is not known."""
+        if len(goal_id) != ID_SIZE:
+            raise IndexError("the message is cut off")
+        found = self.goals.setdefault(goal_id, [])
+        for goal in found:
+            if server in (0, goal.server) or not goal.server:
+                goal.server = goal.server or server
+                return goal
+        found.append(_Goal(goal_id, server))
+        return found[-1]
+
+    # --- the status topic ----------------------------------------------------------------------
+
+    def _status(self, at: float, data: bytes) -> None:
+        codes = {goal[:3]: goal[3] for goal in goals(data)}
+        server = self.servers.of(codes) if codes else 0
+        for key, code in codes.items():
+            if self._codes.get(key) != code and code in STATES:
+                self._codes[key] = code
+                accepted = key[1] + key[2] * 1e-9
+                self._changed(self._goal(key[0], server), STATES[code], at, accepted)
+        self._has_status = True
+
+    def _changed(self, goal: _Goal, state: GoalState, at: float, accepted: float) -> None:
+        """Note a state; `accepted` is the server's stamp of the goal's acceptance."""
+        if goal.ended or goal.state is state:  # messages may cross
+            return None
+        if goal.state in (None, GoalState.SENT) and state is not GoalState.ACCEPTED:
+            if not self._has_status and state.is_terminal and goal.state is None:
+                return goal.add(state, at, "it had ended when the recording began")
+            if 0 <= at - accepted < _ONE_CLOCK:
+                goal.add(GoalState.ACCEPTED, accepted)
+        return goal.add(state, at)
+
+    # --- service events ------------------------------------------------------------------------
+
+    def _service(self, service: str, at: float, data: bytes) -> None:
+        _, seconds, nanoseconds, client, number, requests = _INFO.unpack_from(data)
+        happened = seconds + nanoseconds * 1e-9
+        if 0 <= at - happened < _ONE_CLOCK:  # not when it came: other topics may be faster
+            at = happened
+        key, place = (client, number, service), _INFO.size
+        if requests and key not in self._requests:
+            self._requests[key] = goal_id = bytes(data[place : place + ID_SIZE])
+            if service == "send_goal":
+                fields = self._fields.goal(self.type, data)
+                more = {"goal": fields, "sent_by": program_of(client)}
+                goal = self._goal(goal_id)
+                goal.state = goal.state or GoalState.SENT
+                goal.events.append(_Event(GoalState.SENT, at, _text(fields), more=more))
+            elif service == "cancel_goal":
+                for goal in self._meant(goal_id):
+                    goal.note(at, f"program {program_of(client)} asks to cancel it")
+        elif not requests and key in self._requests and _COUNT.unpack_from(data, place)[0]:
+            # The client tells of the answer once more.
+            self._answer(service, at, data, place + _COUNT.size, self._requests.pop(key))
+
+    def _meant(self, goal_id: bytes) -> list[_Goal]:
+        """Return the goals that a request to cancel is about: an id of zeros means all."""
+        if any(goal_id):
+            return self.goals.get(goal_id, [])
+        return [goal for found in self.goals.values() for goal in found if not goal.ended]
+
+    def _answer(self, service: str, at: float, data: bytes, place: int, goal_id: bytes) -> None:
+        if service == "send_goal":
+            goal = self._goal(goal_id)
+            if goal.state is GoalState.SENT:
+                goal.add(GoalState.ACCEPTED if data[place] else GoalState.REJECTED, at)
+        elif service == "get_result" and data[place] in STATES:
+            goal, state = self._goal(goal_id), STATES[data[place]]
+            if not goal.ended:
+                goal.add(state, at)
+            fields = self._fields.result(self.type, data)
+            last = next(each for each in reversed(goal.events) if each.state.is_terminal)
+            last.detail, last.more = _text(fields), {"result": fields}
+        elif service == "cancel_goal":
+            at_list = place + 4 + _COUNT.size  # after the code and the length of the list
+            agreed = {each[0] for each in _GOAL_INFO.iter_unpack(_whole(data[at_list:]))}
+            for goal in self._meant(goal_id):
+                if goal.goal_id in agreed:
+                    goal.note(at, "the server agrees to cancel it")
+                elif data[place] == _TERMINATED or goal.ended:
+                    goal.note(at, "the server answers that it had ended")
+                else:
+                    goal.note(at, "the server refuses to cancel it", refused=True)
+
+
+def program_of(client: bytes) -> str:
+    """Return the part of a client's DDS id that all clients of a program have in common."""
+    return client[:12].hex()
+
+
+def _whole(data: bytes) -> bytes:
+    return data[: len(data) // _GOAL_INFO.size * _GOAL_INFO.size]
+
+
+def _text(fields: dict[str, Any] | None) -> str:
+    if fields is None:
+        return ""
+    text = to_json(fields)
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+
+
+def is_of_action(topic: str) -> bool:
+    """Return whether a topic is one of those of an action."""
+    return bool(_TOPIC.fullmatch(topic))
+
+
+def goals_in(bag: Bag) -> list[list[LoggedLine]]:
+    """Return the lines of each goal in a recording, in the order in which the goals began."""
+    fields = Fields(bag.definitions)
+    actions: dict[str, _Action] = {}
+    short: set[str] = set()
+    for message in bag.messages():
+        if found := _TOPIC.fullmatch(message.topic):
+            try:
+                actions.setdefault(found[1], _Action(fields)).take(found[2], message)
+            except (StructError, IndexError):
+                short.add(message.topic)
+    lines = [each for name, action in actions.items() for each in _lines(name, action)]
+    if short:
+        bag.problems.append(f"Messages of {', '.join(sorted(short))} are cut off: not read.")
+    if fields.missing:
+        types = ", ".join(sorted(fields.missing))
+        bag.problems.append(f"The fields of {types} are not shown: the types are not recorded.")
+    bag.problems += not_recorded(bag.topics)
+    return sorted(lines, key=lambda goal: float(goal[0].data["wall"]))
+
+
+def _lines(name: str, action: _Action) -> Iterator[list[LoggedLine]]:
+    for goal in (goal for found in action.goals.values() for goal in found):
+        if not goal.events:
+            continue
+        events = sorted(goal.events, key=lambda event: event.at)
+        goal_id = uuid.UUID(bytes=goal.goal_id)
+        call_id = goal_id if goal.server < 2 else uuid.uuid5(goal_id, str(goal.server))
+        call = CallInfo(call_id, name, action.type, "", events[0].at, events[0].at)
+        server = {"server": goal.server} if len(action.servers) > 1 else {}
+        lines = []
+        for each in events:
+            event = GoalEvent(goal_id, 1, each.state, each.at, each.at, each.detail, each.refused)
+            data = event_data(event, call, 0, **each.more, **server)
+            lines.append(LoggedLine("event", call_id, name, action.type, "", 0, event, data))
+        yield lines
+
+
+def not_recorded(topics: dict[str, str]) -> list[str]:
+    """Return what to record the next time, for actions that lack a topic."""
+    found = [each for topic in topics if (each := _TOPIC.fullmatch(topic))]
+    names = sorted({each[1] for each in found})
+    if not names:
+        return [
+            "No topics of actions are recorded. They are hidden topics; this records them, too:"
+            " ros2 bag record -a --include-hidden-topics"
+        ]
+    wanted = [f"{name}/_action/{kind}" for name in names for kind in ("status", "feedback")]
+    notes = []
+    if missing := [topic for topic in wanted if topic not in topics]:
+        notes.append(
+            f"Not recorded: {', '.join(missing)}. This records them:"
+            f" ros2 bag record --include-hidden-topics --topics {' '.join(missing)}"
+        )
+    told = {each[1] for each in found if each[2] == "send_goal/_service_event"}
+    if silent := [name for name in names if name not in told]:
+        notes.append(
+            f"Not recorded: who sent the goals of {', '.join(silent)}, and what they were. Since"
+            " Kilted, servers publish this if their introspection is on, and this records it:"
+            f" ros2 bag record --actions {' '.join(silent)}"
+        )
+    return notes
