@@ -31,15 +31,19 @@ _TERMINATED = 3
 """The answer to a cancel request: the goal had ended (`action_msgs/srv/CancelGoal`)."""
 _LONGEST = 100
 """Characters of fields in the text of an event; the event's data have all of them."""
+_MOST_FEEDBACK = 300
+"""Messages of feedback that are kept of each goal: more would not fit beside each other."""
 _ONE_CLOCK = 86400.0
 """Seconds. An acceptance longer ago was stamped by another clock, such as a simulation's."""
+_LATE = 1.0
+"""Seconds that a message may need to a recorder. If it seems to need more, the clocks differ."""
 
 
 @dataclass
 class _Event:
     """One event of a goal. The goal's lines are made of them at the end."""
 
-    state: GoalState
+    state: GoalState | None  # `None` if it changes no state
     at: float  # seconds since the epoch
     detail: str = ""
     refused: bool = False  # as `GoalEvent.cancel_refused`
@@ -53,8 +57,10 @@ class _Goal:
     goal_id: bytes
     server: int = 0  # its number; 0 until it is known
     state: GoalState | None = None
-    feedback: int = 0
     events: list[_Event] = field(default_factory=list)
+    feedback: list[tuple[int, float, bytes]] = field(default_factory=list)
+    """The feedback that is kept: its number, when it came, and the message."""
+    step: int = 1  # one of so many is kept
 
     @property
     def ended(self) -> bool:
@@ -65,9 +71,28 @@ class _Goal:
         self.state = state
         self.events.append(_Event(state, at, detail, more=more))
 
+    def add_feedback(self, at: float, data: bytes) -> None:
+        """Keep the first and the last feedback, and so many between that a picture has them all."""
+        kept = self.feedback
+        number = kept[-1][0] + 1 if kept else 1
+        if kept and (number - 2) % self.step:
+            kept.pop()
+        kept.append((number, at, data))
+        if len(kept) > _MOST_FEEDBACK:
+            self.step *= 2
+            last = kept[-1]
+            self.feedback = [each for each in kept if each is last or not (each[0] - 1) % self.step]
+
+    def another_has_it(self) -> None:
+        """Note that the server that rejected it was not the only one."""
+        self.state = GoalState.SENT
+        for event in self.events:
+            if event.state is GoalState.REJECTED:
+                event.state, event.detail = None, "one of the servers rejected it"
+
     def note(self, at: float, detail: str, *, refused: bool = False) -> None:
         """Add an event that changes no state."""
-        self.events.append(_Event(self.state or GoalState.SENT, at, detail, refused))
+        self.events.append(_Event(None, at, detail, refused))
 
 
 class _Action:
@@ -82,7 +107,8 @@ class _Action:
         self._codes: dict[GoalKey, int] = {}
         self._has_status = False
         self._requests: dict[tuple[bytes, int, str], bytes] = {}
-        """The goals that requests were about, by the request's client, number and service."""
+        """The goals that requests were about, by the request's client, number and service; `b""`
+        once it is answered. Both the client and the server may tell of it."""
 
     def take(self, kind: str, message: Message) -> None:
         """Take a message of one of the action's topics."""
@@ -92,10 +118,7 @@ class _Action:
         if kind == "status":
             self._status(at, message.data)
         elif kind == "feedback":
-            goal = self._goal(feedback_goal_id(message.data))
-            goal.feedback += 1
-            more = {"feedback": self._fields.feedback(self.type, message.data)}
-            goal.events.append(_Event(GoalState.FEEDBACK, at, f"#{goal.feedback}", more=more))
+            self._goal(feedback_goal_id(message.data)).add_feedback(at, message.data)
         else:
             self._service(kind.partition("/")[0], at, message.data)
 
@@ -104,12 +127,13 @@ class _Action:
         if len(goal_id) != ID_SIZE:
             raise IndexError("the message is cut off")
         found = self.goals.setdefault(goal_id, [])
-        for goal in found:
-            if server in (0, goal.server) or not goal.server:
-                goal.server = goal.server or server
-                return goal
-        found.append(_Goal(goal_id, server))
-        return found[-1]
+        own = [goal for goal in found if server in (0, goal.server) or not goal.server]
+        if not own:
+            own = [_Goal(goal_id, server)]
+            found += own
+        goal = next((goal for goal in own if not goal.ended), own[0])
+        goal.server = goal.server or server
+        return goal
 
     # --- the status topic ----------------------------------------------------------------------
 
@@ -125,6 +149,8 @@ class _Action:
 
     def _changed(self, goal: _Goal, state: GoalState, at: float, accepted: float) -> None:
         """Note a state; `accepted` is the server's stamp of the goal's acceptance."""
+        if goal.state is GoalState.REJECTED:
+            goal.another_has_it()
         if goal.ended or goal.state is state:  # messages may cross
             return None
         if goal.state in (None, GoalState.SENT) and state is not GoalState.ACCEPTED:
@@ -139,7 +165,7 @@ class _Action:
     def _service(self, service: str, at: float, data: bytes) -> None:
         _, seconds, nanoseconds, client, number, requests = _INFO.unpack_from(data)
         happened = seconds + nanoseconds * 1e-9
-        if 0 <= at - happened < _ONE_CLOCK:  # not when it came: other topics may be faster
+        if 0 <= at - happened < _LATE:  # not when it came: other topics may be faster
             at = happened
         key, place = (client, number, service), _INFO.size
         if requests and key not in self._requests:
@@ -153,9 +179,9 @@ class _Action:
             elif service == "cancel_goal":
                 for goal in self._meant(goal_id):
                     goal.note(at, f"program {program_of(client)} asks to cancel it")
-        elif not requests and key in self._requests and _COUNT.unpack_from(data, place)[0]:
-            # The client tells of the answer once more.
-            self._answer(service, at, data, place + _COUNT.size, self._requests.pop(key))
+        elif not requests and self._requests.get(key) and _COUNT.unpack_from(data, place)[0]:
+            self._answer(service, at, data, place + _COUNT.size, self._requests[key])
+            self._requests[key] = b""
 
     def _meant(self, goal_id: bytes) -> list[_Goal]:
         """Return the goals that a request to cancel is about: an id of zeros means all."""
@@ -169,12 +195,14 @@ class _Action:
             if goal.state is GoalState.SENT:
                 goal.add(GoalState.ACCEPTED if data[place] else GoalState.REJECTED, at)
         elif service == "get_result" and data[place] in STATES:
-            goal, state = self._goal(goal_id), STATES[data[place]]
+            state, found = STATES[data[place]], self.goals.get(goal_id, [])
+            goal = next((goal for goal in found if goal.state is state), self._goal(goal_id))
             if not goal.ended:
                 goal.add(state, at)
             fields = self._fields.result(self.type, data)
-            last = next(each for each in reversed(goal.events) if each.state.is_terminal)
-            last.detail, last.more = _text(fields), {"result": fields}
+            for event in goal.events:
+                if event.state is state:
+                    event.detail, event.more = _text(fields), {"result": fields}
         elif service == "cancel_goal":
             at_list = place + 4 + _COUNT.size  # after the code and the length of the list
             agreed = {each[0] for each in _GOAL_INFO.iter_unpack(_whole(data[at_list:]))}
@@ -219,7 +247,7 @@ def goals_in(bag: Bag) -> list[list[LoggedLine]]:
                 actions.setdefault(found[1], _Action(fields)).take(found[2], message)
             except (StructError, IndexError):
                 short.add(message.topic)
-    lines = [each for name, action in actions.items() for each in _lines(name, action)]
+    lines = [each for name, action in actions.items() for each in _lines(name, action, fields)]
     if short:
         bag.problems.append(f"Messages of {', '.join(sorted(short))} are cut off: not read.")
     if fields.missing:
@@ -229,8 +257,11 @@ def goals_in(bag: Bag) -> list[list[LoggedLine]]:
     return sorted(lines, key=lambda goal: float(goal[0].data["wall"]))
 
 
-def _lines(name: str, action: _Action) -> Iterator[list[LoggedLine]]:
+def _lines(name: str, action: _Action, fields: Fields) -> Iterator[list[LoggedLine]]:
     for goal in (goal for found in action.goals.values() for goal in found):
+        for number, at, message in goal.feedback:
+            more = {"feedback": fields.feedback(action.type, message)}
+            goal.events.append(_Event(GoalState.FEEDBACK, at, f"#{number}", more=more))
         if not goal.events:
             continue
         events = sorted(goal.events, key=lambda event: event.at)
@@ -238,9 +269,11 @@ def _lines(name: str, action: _Action) -> Iterator[list[LoggedLine]]:
         call_id = goal_id if goal.server < 2 else uuid.uuid5(goal_id, str(goal.server))
         call = CallInfo(call_id, name, action.type, "", events[0].at, events[0].at)
         server = {"server": goal.server} if len(action.servers) > 1 else {}
-        lines = []
+        lines, current = [], GoalState.SENT
         for each in events:
-            event = GoalEvent(goal_id, 1, each.state, each.at, each.at, each.detail, each.refused)
+            state = each.state or current
+            current = current if state is GoalState.FEEDBACK else state
+            event = GoalEvent(goal_id, 1, state, each.at, each.at, each.detail, each.refused)
             data = event_data(event, call, 0, **each.more, **server)
             lines.append(LoggedLine("event", call_id, name, action.type, "", 0, event, data))
         yield lines

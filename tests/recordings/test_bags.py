@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import random
@@ -185,6 +186,37 @@ def test_a_goal_that_ran_before_the_recording_has_its_acceptance(tmp_path: Path)
     assert (running.state, running.ended) == (S.EXECUTING, None)
     assert running.accepted
     assert running.accepted < status[1].stamp * 1e-9
+
+
+def test_of_much_feedback_a_part_is_kept_with_the_first_and_the_last(tmp_path: Path) -> None:
+    messages = bags.night()
+    last = next(m for m in reversed(messages) if m.topic == "/move_arm/_action/feedback")
+    more = [last._replace(stamp=last.stamp + 10**7 * n) for n in range(1, 5000)]
+    shown = timeline(bags.mcap(tmp_path / "x.mcap", messages + more), "--last", 1, "--json")
+    lines = [json.loads(line) for line in shown.output.splitlines()]
+    numbers = [int(line["detail"][1:]) for line in lines if line["state"] == "FEEDBACK"]
+    assert (numbers[0], numbers[-1]) == (1, 11 + 4999)
+    assert 150 < len(numbers) <= 301
+    assert len({b - a for a, b in itertools.pairwise(numbers[:-1])}) == 1
+
+
+@pytest.mark.long
+def test_a_goal_that_one_server_rejects_and_another_runs_is_running(tmp_path: Path) -> None:
+    messages = bags.night()
+    # The operator's rejected goal is in the next status message of another server, too.
+    rejected = next(
+        goal
+        for goal in ak.read_goals(bags.mcap(tmp_path / "x", messages))
+        if goal.state is S.REJECTED
+    )
+    status = next(m for m in reversed(messages) if m.topic == "/move_arm/_action/status")
+    data = bytearray(status.data[:33])
+    data[4:8], data[8:24], data[32:33] = b"\x01\0\0\0", rejected.goal_id.bytes, b"\x02"
+    other = status._replace(data=bytes(data), stamp=int(rejected.began * 1e9) + 10**8)
+    messages.insert(messages.index(status), other)
+    goals = {goal.goal_id: goal for goal in ak.read_goals(bags.mcap(tmp_path / "y", messages))}
+    assert goals[rejected.goal_id].state is S.EXECUTING
+    assert "one of the servers rejected it" in str(goals[rejected.goal_id].timeline)
 
 
 @pytest.mark.long

@@ -145,4 +145,60 @@ MUTANTS = (
         "    classify = None\n",
         ("cli/test_call.py::test_a_call[judged]",),
     ),
+    Mutant(
+        "C6.3",
+        "two servers on a name count as one",
+        "_ros/others_goals/server_numbers.py",
+        "            if not any(code in _RUNNING for code in latest.values()):\n",
+        "            if latest:\n",
+        (
+            "unit/test_server_numbers.py::"
+            "test_one_that_does_not_have_a_running_goal_is_another_server",
+        ),
+    ),
+    Mutant(
+        "C6.3",
+        "a goal that a second server runs is told as ended, as the first has ended it",
+        "_recordings/bag_goals.py",
+        "        own = [goal for goal in found if server in (0, goal.server) or not goal.server]\n",
+        "        own = found[:1]\n",
+        ("recordings/test_real.py::test_a_goal_that_two_servers_have_is_two_goals",),
+    ),
+    Mutant(
+        "C6.3",
+        "a refused cancel is told as an agreement",
+        "_recordings/bag_goals.py",
+        "                if goal.goal_id in agreed:\n",
+        "                if not data[place]:\n",
+        ("recordings/test_bags.py::test_a_recording_with_service_events_tells_all",),
+    ),
+    Mutant(
+        "C6.3",
+        "the end of a cut recording is missing, and nothing says so",
+        "_recordings/bag_files.py",
+        "                self.problem(path, error)\n",
+        "                pass\n",
+        ("recordings/test_bags.py::test_what_a_cut_recording_has_is_read",),
+    ),
+    Mutant(
+        "C6.3",
+        "what is behind a damaged part of a recording is not read",
+        "_recordings/bag_files.py",
+        "                except Exception as error:  # noqa: BLE001  the next chunk may be whole\n"
+        "                    bag.problem(path, error)\n",
+        "                except Exception as error:  # noqa: BLE001  the next chunk may be whole\n"
+        "                    return bag.problem(path, error)\n",
+        ("recordings/test_bags.py::test_a_chunk_that_is_damaged_hides_no_other",),
+    ),
+    Mutant(
+        "C6.3",
+        "times at which goals of one action ran together are not marked",
+        "_recordings/pictures/layout.py",
+        "        if change > 0 and running == 1:\n",
+        "        if change > 0 and running == 2:\n",
+        (
+            "unit/test_picture.py::"
+            "test_calls_are_grouped_by_action_and_times_of_several_goals_are_marked",
+        ),
+    ),
 )
