@@ -166,14 +166,14 @@ class _Drawing:
                 f'fill="{_FILL[Activity.EXECUTING]}"/>'
                 f'<path class="feedback" d="M{x + 5:.1f} 60v12m6 -12v12m6 -12v12"/>'
             )
-            x = self._legend_text(x + 28, 70, "feedback")
-        if any(group.together for group in self._picture.groups):
-            self._put(f'<rect class="together" x="{x:.1f}" y="60" width="22" height="12"/>')
-            self._legend_text(x + 28, 70, "goals of one action together")
+            self._legend_text(x + 28, 70, "feedback")
         x = 16.0
         for sign in (sign for sign in Sign if sign in signs):
             self._put(_mark(sign, x + 6, 86, 5.5))
             x = self._legend_text(x + 18, 90, sign.value)
+        if any(group.together for group in self._picture.groups):
+            self._put(f'<rect class="together" x="{x:.1f}" y="80" width="22" height="12"/>')
+            self._legend_text(x + 28, 90, "goals of one action together")
         self._put("</g>")
 
     def _legend_text(self, x: float, y: float, words: str) -> float:
