@@ -51,11 +51,11 @@ def ending(lines: Sequence[LoggedLine]) -> tuple[str, float] | None:
     for line in lines:
         if line.kind == "outcome":
             return str(line.data["outcome"]), float(line.data["monotonic"])
-    if not any(event.state is GoalState.SENDING for event in events):
-        for event in events:
-            if event.state.is_terminal:
-                return str(event.state), event.monotonic
-    return None
+    states = [event for event in events if event.state is not GoalState.FEEDBACK]
+    if not states or states[0].state is GoalState.SENDING or not states[-1].state.is_terminal:
+        return None
+    end = next(event for event in states if event.state is states[-1].state)
+    return str(end.state), end.monotonic
 
 
 def timeline_of(events: Iterable[GoalEvent | None]) -> Timeline:

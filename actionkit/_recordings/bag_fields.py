@@ -65,11 +65,11 @@ class Fields:
         for name, text in self._definitions.items():
             if name.startswith(action_type):
                 types.update(_types(name, text))
-        for name, text in _WRAPPERS.items():
-            full = f"{action_type}_{name}"
-            types.update(get_types_from_msg(text.format(action_type), full))
         store = get_typestore(Stores.EMPTY)
         try:
+            for name, text in _WRAPPERS.items():
+                full = f"{action_type}_{name}"
+                types.update(get_types_from_msg(text.format(action_type), full))
             store.register(types)
         except Exception:  # noqa: BLE001  definitions that were damaged
             return None
@@ -103,8 +103,8 @@ def _types(name: str, text: str) -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     """Return a decoded message as plain data."""
     if dataclasses.is_dataclass(value):
-        names = (each.name for each in dataclasses.fields(value))
-        return {name: _plain(getattr(value, name)) for name in names if name[0] != "_"}
+        fields = [each for each in dataclasses.fields(value) if "ClassVar" not in str(each.type)]
+        return {each.name: _plain(getattr(value, each.name)) for each in fields}
     if hasattr(value, "tolist"):  # an array of numpy
         return value[:_MOST_ITEMS].tolist()
     return [_plain(each) for each in value[:_MOST_ITEMS]] if isinstance(value, list) else value

@@ -16,6 +16,8 @@ from struct import Struct
 from typing import IO, Any, NamedTuple
 from urllib.parse import quote
 
+import yaml
+
 _SUFFIXES = (".mcap", ".db3")
 _MAGIC = (b"\x89MCAP0\r\n", b"SQLite format 3\0")
 _ZSTD = b"\x28\xb5\x2f\xfd"
@@ -62,7 +64,7 @@ class Bag:
     def problem(self, path: Path, error: Exception) -> None:
         """Write down that a part of a file cannot be read."""
         why = str(error).rstrip(".") or type(error).__name__
-        self.problems.append(f"{path.name} is cut off or damaged ({why}); the rest was read.")
+        self.problems.append(f"{path.name} is cut off or damaged ({why}): a part is missing.")
 
     def add(self, topic: str, ros_type: str) -> bool:
         """Write down a topic; return whether its messages are wanted."""
@@ -70,24 +72,49 @@ class Bag:
         return self.wanted(topic)
 
 
-def bag_files(path: Path) -> list[Path]:
-    """Return the files of a recording in their order; none if this is not a recording.
+def bag_files(path: Path) -> tuple[list[Path], list[str]]:
+    """Return the files of a recording in their order, and what is missing; none if it is not one.
 
     Raises:
         OSError: There is no such file, or it cannot be read.
-        ValueError: It is a folder without files of rosbag2, or a compressed file.
+        ValueError: It is a folder without files of rosbag2, or a file that only has such a name.
     """
     if not path.is_dir():
         if path.suffix == ".zstd":
             raise ValueError(f"{path} is compressed: run `zstd -d {path}` before")
-        return [path] if path.suffix in _SUFFIXES or _magic(path) else []
-    files = [each for each in path.iterdir() if each.suffix in _SUFFIXES]
+        if path.suffix in _SUFFIXES and not _magic(path):
+            raise ValueError(f"{path} is empty, or not what its name says: not a recording")
+        return ([path] if _magic(path) else []), []
+    found = [each for each in sorted(path.iterdir(), key=_in_order) if each.is_file()]
+    files = next(filter(None, ([f for f in found if f.suffix == s] for s in _SUFFIXES)), [])
+    names = {each.name for each in files}
+    missing = [
+        f"{f}: run `zstd -d {f}`" for f in found if f.suffix == ".zstd" and f.stem not in names
+    ]
+    missing += [str(f) for f in found if f.suffix in _SUFFIXES and f not in files]
+    missing += [
+        f"{path / name}: no such file" for name in _expected(path) - {f.name for f in found}
+    ]
     if not files:
-        compressed = next((each for each in path.iterdir() if each.suffix == ".zstd"), None)
-        if compressed:
-            raise ValueError(f"{compressed} is compressed: run `zstd -d {compressed}` before")
-        raise ValueError(f"{path} is a folder without .mcap or .db3 files")
-    return sorted(files, key=lambda each: [int(n) for n in re.findall(r"\d+", each.name)])
+        raise ValueError("; ".join([f"{path} is a folder without .mcap or .db3 files", *missing]))
+    return files, [f"not read: {each}" for each in missing]
+
+
+def _in_order(path: Path) -> list[int]:
+    """Return the numbers in a name: the tenth file comes after the ninth."""
+    return [int(number) for number in re.findall(r"\d+", path.name)]
+
+
+def _expected(folder: Path) -> set[str]:
+    """Return the names of the files that a recording should have."""
+    try:
+        metadata = yaml.safe_load((folder / "metadata.yaml").read_text("utf-8"))
+        return {
+            Path(each).name
+            for each in metadata["rosbag2_bagfile_information"]["relative_file_paths"]
+        }
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):  # a recorder that was killed
+        return set()
 
 
 def _magic(path: Path) -> bytes:
@@ -105,18 +132,26 @@ def _sqlite(path: Path, bag: Bag) -> Iterator[Message]:
         page = int.from_bytes(file.read(18)[16:], "big") or 1
     if path.stat().st_size % page:  # SQLite reads the rest of a cut page as zeros
         bag.problem(path, ValueError("its last page is not whole"))
-    connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro", uri=True)
+    wal = path.with_name(f"{path.name}-wal")
+    # Without `immutable`, SQLite writes files beside a database that was not closed.
+    mode = "mode=ro" if wal.exists() and wal.stat().st_size else "mode=ro&immutable=1"
+    connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?{mode}", uri=True)
     try:
         rows = connection.execute("SELECT id, name, type FROM topics").fetchall()
-        topics = {number: (name, kind) for number, name, kind in rows if bag.add(name, kind)}
+        topics = {
+            int(number): (str(name), str(kind))
+            for number, name, kind in rows
+            if bag.add(str(name), str(kind))
+        }
         with_types = "SELECT topic_type, encoded_message_definition FROM message_definitions"
         with suppress(sqlite3.OperationalError):  # those of Humble have no such table
-            bag.definitions.update(connection.execute(with_types).fetchall())
+            for name, text in connection.execute(with_types):
+                bag.definitions[str(name)] = str(text)
         # By id, as the index by time is what a cut file lacks first.
         places = ",".join(map(str, topics))
         messages = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({places})"
         for number, stamp, data in connection.execute(f"{messages} ORDER BY id"):
-            yield Message(*topics[number], stamp, _decompressed(data))
+            yield Message(*topics[number], int(stamp), _decompressed(bytes(data)))
     finally:
         connection.close()
 
@@ -175,7 +210,7 @@ class _Channels(dict[int, tuple[str, str]]):
             if self._bag.add(record.topic, ros_type):
                 self[record.id] = record.topic, ros_type
         elif kind == "Message" and record.channel_id in self:
-            return Message(*self[record.channel_id], record.log_time, record.data)
+            return Message(*self[record.channel_id], record.log_time, _decompressed(record.data))
         return None
 
 
@@ -201,7 +236,8 @@ def _of_chunk(file: IO[bytes], chunk: Any, channels: _Channels) -> list[Message]
             if (kind, channel, logged) != (_IS_MESSAGE, number, stamp):
                 raise ValueError("its index is wrong")
             begin = at + _MESSAGE.size + 8  # after the time at which it was published
-            found.append(Message(*channels[number], stamp, data[begin : at + 9 + length]))
+            body = _decompressed(data[begin : at + 9 + length])
+            found.append(Message(*channels[number], stamp, body))
     return found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +29,8 @@ class RecordedGoal:
         began: When it was sent or, if that is not known, when it was accepted or first seen.
         accepted: When a server accepted it; `None` if no acceptance is known.
         ended: When it ended; `None` if its end is not known.
-        sent_by: Who sent it: in a log the client's node, in a recording the program's DDS id, as 24
-            digits; `""` if that is not known.
+        sent_by: Who sent it: in a log the client's node; in a recording `program` and the DDS id of
+            the process or, with CycloneDDS, `client` and an id; `""` if that is not known.
         server: The number of its server if the recording has goals of several servers on this
             action, else 1. A server that was restarted while a goal ran counts as another one.
         goal: The goal's fields, if they are known.
@@ -61,9 +61,9 @@ class RecordedGoals(tuple[RecordedGoal, ...]):
         problems: What could not be read, or was not recorded, one text for each.
     """
 
-    problems: tuple[str, ...]
-    _calls: Sequence[Sequence[LoggedLine]]
-    _name: str
+    problems: tuple[str, ...] = ()
+    _calls: Sequence[Sequence[LoggedLine]] = ()
+    _name = ""
 
     def _repr_html_(self) -> str:
         from actionkit._recordings.pictures.notebook import as_image
@@ -76,8 +76,7 @@ class Recording:
     """The lines of all calls in a file, and what could not be read."""
 
     calls: list[list[LoggedLine]]
-    problems: list[str] = field(default_factory=list)
-    is_bag: bool = False
+    problems: list[str]
 
 
 def read(path: Path) -> Recording:
@@ -91,7 +90,8 @@ def read(path: Path) -> Recording:
     from actionkit._recordings.bag_files import Bag, bag_files
 
     # A log that was just renamed may leave only the files that it was renamed to.
-    files = bag_files(path) if path.exists() else []
+    # A pipe can be read only once.
+    files, missing = bag_files(path) if path.is_file() or path.is_dir() else ([], [])
     if not files:
         log = read_json_lines(path)
         if log.problems and not log.lines:
@@ -107,8 +107,8 @@ def read(path: Path) -> Recording:
         raise ImportError(f"{_INSTALL} ({error})") from error
     from actionkit._recordings.bag_goals import goals_in, is_of_action
 
-    bag = Bag(files, is_of_action)
-    return Recording(goals_in(bag), bag.problems, is_bag=True)
+    bag = Bag(files, is_of_action, problems=missing)
+    return Recording(goals_in(bag), bag.problems)
 
 
 def read_goals(path: str | os.PathLike[str]) -> RecordedGoals:
@@ -150,17 +150,19 @@ def _goals_of(lines: Sequence[LoggedLine]) -> Iterator[RecordedGoal]:
         own = [data for event, data in pairs if event.attempt == attempt]
         if attempt == attempts[-1]:  # the call's end has its result
             own += [line.data for line in lines if line.kind == "outcome"]
-        states = [event for event in events if event.state is not GoalState.FEEDBACK] or events
+        states = [event for event in events if event.state is not GoalState.FEEDBACK]
         yield RecordedGoal(
             goal_id=events[0].goal_id,
             action_name=lines[0].action_name,
             action_type=lines[0].action_type,
-            state=states[-1].state,
+            # A goal with feedback runs.
+            state=states[-1].state if states else GoalState.EXECUTING,
             began=events[0].wall,
             accepted=next((e.wall for e in events if e.state is GoalState.ACCEPTED), None),
-            ended=next((e.wall for e in events if e.state.is_terminal), None),
+            # An end that is the first thing known was before.
+            ended=next((e.wall for e in events[1:] if e.state.is_terminal), None),
             sent_by=next((d["sent_by"] for d in own if "sent_by" in d), lines[0].node_name),
-            server=next((int(d["server"]) for d in own if d.get("server")), 1),
+            server=next((d["server"] for d in own if isinstance(d.get("server"), int)), 1) or 1,
             goal=sent,
             result=next((d["result"] for d in own if "result" in d), None),
             timeline=timeline_of(events),

@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from datetime import datetime, time, timedelta, timezone
+from datetime import datetime, time, timezone
 from pathlib import Path
 
 import click
@@ -31,9 +31,9 @@ Examples:
   actionkit timeline rosbag2_2026_11_30-02_00_00 --from 02:10 --to 02:15 --svg night.svg
   actionkit timeline arm.mcap --action /move_arm
 
---from and --to are a time as in the timeline, in UTC, such as 02:10 or 2026-11-30T02:10:05; or the
-seconds from the beginning, such as 90. For recordings, `pip install mcap rosbags`; no ROS is
-needed."""
+--from and --to are a time as in the timeline, in UTC, such as 02:10 or 2026-11-30T02:10:05; or
+seconds after the first goal's beginning, such as 90. For recordings, `pip install mcap rosbags`; no
+ROS is needed."""
 
 _HALF_DAY = 12 * 3600.0
 _Moment = Callable[[float], float]
@@ -50,7 +50,7 @@ def TIME(value: str) -> _Moment:
         clock = time.fromisoformat(value)
         return lambda began: _next(clock, began)
     with suppress(ValueError):
-        date = _utc(datetime.fromisoformat(value))
+        date = _utc(datetime.fromisoformat(value.removesuffix(" UTC")))
         return lambda began: date.timestamp()
     raise click.BadParameter(
         f"{value!r} is no time: give seconds, such as 90, or a time in UTC, such as 02:10, 02:10:05"
@@ -61,10 +61,8 @@ def TIME(value: str) -> _Moment:
 def _next(clock: time, began: float) -> float:
     """Return when a clock shows this time, from half a day before `began` to half a day after."""
     day = datetime.fromtimestamp(began, timezone.utc).date()
-    date = _utc(datetime.combine(day, clock))
-    while (ahead := date.timestamp() - began) < -_HALF_DAY:
-        date += timedelta(days=1)
-    return began + ahead
+    ahead = _utc(datetime.combine(day, clock)).timestamp() - began
+    return began + (ahead + _HALF_DAY) % (2 * _HALF_DAY) - _HALF_DAY
 
 
 def _utc(date: datetime) -> datetime:
@@ -185,7 +183,7 @@ def _call_text(lines: list[LoggedLine]) -> str:
         parts.append(f"{said}: {outcome['error']}" if outcome["error"] else said)
     if not outcomes and end is not None:
         took = (end[1] - lines[0].data["monotonic"]) * 1000
-        parts.append(f"=> {end[0]} after {took:.1f} ms")
+        parts.append(f"=> {end[0]} after {took:.1f} ms" if took else f"=> {end[0]}")
     elif not outcomes:
         states = [event.state for event in events if event.state is not GoalState.FEEDBACK]
         whose = "goal" if states and states[0] is not GoalState.SENDING else "call"
@@ -202,7 +200,7 @@ def _head(lines: list[LoggedLine]) -> str:
     if first.pid:
         who.append(f"process {first.pid}")
     if sent_by := next((line.data["sent_by"] for line in lines if "sent_by" in line.data), None):
-        who.append(f"sent by program {sent_by}")
+        who.append(f"sent by {sent_by}")
     if "server" in first.data:
         who.append(f"server {first.data['server']}")
     return f"{first.action_name} ({', '.join(who)})" if who else first.action_name
