@@ -59,16 +59,10 @@ class JsonLines:
         if not isinstance(messages, bool):
             raise TypeError(f"JsonLines: messages={messages!r} must be True or False")
         self.path = Path(os.path.abspath(path))
-        self._max_bytes = _whole("max_bytes", max_bytes)
-        self._backups = _whole("backups", backups) or 0
+        bounds = _whole("max_bytes", max_bytes), _whole("backups", backups) or 0
         self._messages = messages
         self._max_items = _whole("max_items", max_items)
-        self._lock = threading.RLock()  # a signal handler may close what is being closed
-        self._file: int | None = None
-        self._size = 0
-        self._torn = False
-        """Whether the file ends in the middle of a line."""
-        self._open()
+        self._file = RotatingFile(self.path, *bounds)
 
     def __repr__(self) -> str:
         return f"<JsonLines {str(self.path)!r}>"
@@ -76,20 +70,19 @@ class JsonLines:
     def on_event(self, event: GoalEvent, call: CallInfo) -> None:
         """Write a transition. The first line of a call also has the goal."""
         first = event.state is GoalState.SENDING and event.attempt == 1
-        self._write(event_line(event, call, goal=self._plain(call.goal) if first else None))
+        self._file.write(event_line(event, call, goal=self._plain(call.goal) if first else None))
 
     def on_feedback(self, event: GoalEvent, feedback: Any, call: CallInfo) -> None:
         """Write a feedback message."""
-        self._write(event_line(event, call, feedback=self._plain(feedback)))
+        self._file.write(event_line(event, call, feedback=self._plain(feedback)))
 
     def on_outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
         """Write the end of a call."""
-        self._write(outcome_line(outcome, call, self._plain(outcome.result)))
+        self._file.write(outcome_line(outcome, call, self._plain(outcome.result)))
 
     def close(self) -> None:
         """Close the file. A later event opens it again."""
-        with self._lock:
-            self._close()
+        self._file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -102,17 +95,41 @@ class JsonLines:
     ) -> None:
         self.close()
 
-    def __del__(self, close: Callable[[int], None] = os.close) -> None:
-        file = getattr(self, "_file", None)  # absent if `__init__` failed
-        if file is not None:
-            close(file)  # a default argument: at the interpreter's end, modules are gone
-
     def _plain(self, message: Any) -> dict[str, Any] | None:
         if message is None or not self._messages:
             return None
         return to_plain(message, max_items=self._max_items)
 
-    def _write(self, line: str) -> None:
+
+class RotatingFile:
+    """A file that lines are appended to. When it is full it is renamed, and a new one begins."""
+
+    def __init__(self, path: Path, max_bytes: int | None = 10_000_000, backups: int = 5) -> None:
+        """Open the file for appending, or make it. The defaults are those of `JsonLines`.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        self._path, self._max_bytes, self._backups = path, max_bytes, backups
+        self._lock = threading.RLock()  # a signal handler may close what is being closed
+        self._file: int | None = None
+        self._size = 0
+        self._torn = False
+        """Whether the file ends in the middle of a line."""
+        self._open()
+
+    def close(self) -> None:
+        """Close the file. A later line opens it again."""
+        with self._lock:
+            self._close()
+
+    def __del__(self, close: Callable[[int], None] = os.close) -> None:
+        file = getattr(self, "_file", None)  # absent if `__init__` failed
+        if file is not None:
+            close(file)  # a default argument: at the interpreter's end, modules are gone
+
+    def write(self, line: str) -> None:
+        """Write a line, at once."""
         data = line.encode() + b"\n"  # ASCII: all other characters are escaped
         with self._lock:
             if self._file is None:
@@ -132,7 +149,7 @@ class JsonLines:
 
     def _open(self) -> None:
         flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC
-        self._file = os.open(self.path, flags, 0o666)
+        self._file = os.open(self._path, flags, 0o666)
         self._size = os.fstat(self._file).st_size
         # A killed process may have left half a line: the next one must not be joined to it.
         self._torn = self._size > 0 and os.pread(self._file, 1, self._size - 1) != b"\n"
@@ -145,11 +162,11 @@ class JsonLines:
     def _rotate(self) -> None:
         self._close()
         if self._backups == 0:
-            self.path.unlink(missing_ok=True)
+            self._path.unlink(missing_ok=True)
         for number in range(self._backups, 0, -1):
-            source = backup(self.path, number - 1)
+            source = backup(self._path, number - 1)
             if source.exists():
-                source.replace(backup(self.path, number))
+                source.replace(backup(self._path, number))
         self._open()
 
 

@@ -25,12 +25,12 @@ class NoteLine(ValueError):
     """The line has this schema, but it is not about a call."""
 
 
-def event_line(event: GoalEvent, call: CallInfo, **messages: Mapping[str, Any] | None) -> str:
-    """Return the line of an event.
+def event_line(event: GoalEvent, call: CallInfo, **more: object | None) -> str:
+    """Return the line of an event; `more` is as for `event_data`.
 
-    `messages` may have `goal=` or `feedback=`, a message as plain data; `None` is left out.
+    It may have `goal=` or `feedback=`, a message as plain data.
     """
-    return to_json(event_data(event, call, os.getpid(), **messages), compact_ascii=True)
+    return to_json(event_data(event, call, os.getpid(), **more), compact_ascii=True)
 
 
 def event_data(event: GoalEvent, call: CallInfo, pid: int, **more: object | None) -> dict[str, Any]:

@@ -48,7 +48,7 @@ _COMMANDS = {
     ),
     "watch": _Known(
         "watch.watch",
-        "Show the goals of the action NAME as their states change, and whether agents are held.",
+        "Show the goals of all actions, or of NAME, as they change, and whether agents are held.",
     ),
     "attach": _Known(
         "call.attach",

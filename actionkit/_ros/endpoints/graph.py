@@ -64,6 +64,11 @@ def feedback_topic(action_name: str) -> str:
     return action_name + _FEEDBACK
 
 
+def feedback_type(action_type: str) -> str:
+    """Return the type of the messages on that topic."""
+    return action_type + _FEEDBACK_TYPE
+
+
 def servers(node: Node, names: ActionNames) -> list[Endpoint]:
     """Return the servers of an action.
 
@@ -123,11 +128,16 @@ def _replies(service: str) -> str:
 
 def action_names(node: Node) -> list[str]:
     """Return the names of all actions that have a server or a client."""
-    return [
-        topic.removesuffix(_FEEDBACK)
-        for topic, _ in node.get_topic_names_and_types()
+    return list(action_types(node))
+
+
+def action_types(node: Node) -> dict[str, list[str]]:
+    """Return the names of all actions that have a server or a client, with their types."""
+    return {
+        topic.removesuffix(_FEEDBACK): [name.removesuffix(_FEEDBACK_TYPE) for name in types]
+        for topic, types in node.get_topic_names_and_types()
         if topic.endswith(_FEEDBACK)
-    ]
+    }
 
 
 def all_actions(node: Node) -> dict[str, tuple[str, ...]]:

@@ -8,8 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from actionkit._ros.holds.state import Hold
-
 _T = TypeVar("_T")
 _ENDED = ("SUCCEEDED", "CANCELED", "ABORTED", "LOST")
 _RUNNING = ("ACCEPTED", "EXECUTING", "CANCELING")
@@ -31,6 +29,7 @@ class WatchedGoal:
     accepted: float
     since: float  # when this state was first seen
     before: str = ""  # the state before, if it was seen
+    server: int = 1  # the number of its server, as `ServerNumbers` counts them
     entries: Mapping[int, str] = field(default_factory=dict)
     """Its state on each server that has it, by the server's stamp of the acceptance."""
 
@@ -43,14 +42,15 @@ class WatchedGoal:
 class Board:
     """The goals of an action and its servers."""
 
-    def __init__(self, most: float = _MOST) -> None:
+    def __init__(self, most: float = _MOST, *, apart: bool = False) -> None:
+        """Make it empty; `apart` means that a goal that two servers have counts as two."""
         self._most = most
+        self._apart = apart
         self.goals: dict[str, WatchedGoal] = {}
+        """By id or, if they are apart, by id and stamp."""
         self.servers: tuple[str, ...] = ()
         self.has_status = False
         """Whether a status has come from a server that is in sight, also one without goals."""
-        self.holds: tuple[Hold, ...] = ()
-        """The holds of people who have stopped the robot by `actionkit stop`."""
 
     def take(self, news: Any, now: float) -> tuple[list[WatchedGoal], bool]:
         """Update the board; return the goals with a new state, and whether the servers changed.
@@ -68,7 +68,8 @@ class Board:
         self.has_status = True
         changed = []
         for goal in seen:
-            row = self.goals.get(goal.goal_id)
+            key = f"{goal.goal_id} {goal.stamp}" if self._apart else goal.goal_id
+            row = self.goals.get(key)
             known: Mapping[int, str] = {} if row is None else row.entries
             # Messages may cross; what has ended stays ended.
             if (old := known.get(goal.stamp)) in (goal.state, *_ENDED) and old != "LOST":
@@ -76,28 +77,29 @@ class Board:
             entries = {**known, goal.stamp: goal.state}
             state = _state_of(entries.values())
             if row is not None and row.state == state:
-                self.goals[goal.goal_id] = replace(row, entries=entries)
+                self.goals[key] = replace(row, entries=entries)
                 continue
             before = "" if row is None else row.state
-            new = WatchedGoal(goal.goal_id, state, goal.accepted, now, before, entries)
-            self.goals[goal.goal_id] = new
+            server = goal.server if row is None else row.server
+            new = WatchedGoal(goal.goal_id, state, goal.accepted, now, before, server, entries)
+            self.goals[key] = new
             changed.append(new)
         if (too_many := len(self.goals) - self._most) > 0:
-            ended = [row for row in self.goals.values() if row.ended]
-            for row in sorted(ended, key=lambda row: row.accepted)[: int(too_many)]:
-                del self.goals[row.goal_id]
+            ended = [(row.accepted, key) for key, row in self.goals.items() if row.ended]
+            for _, key in sorted(ended)[: int(too_many)]:
+                del self.goals[key]
         return sorted(changed, key=lambda row: row.accepted)
 
     def _lose(self, now: float) -> list[WatchedGoal]:
-        lost = [row for row in self.goals.values() if not row.ended]
-        for row in lost:
+        lost = {key: row for key, row in self.goals.items() if not row.ended}
+        for key, row in lost.items():
             entries = {
                 stamp: state if state in _ENDED else "LOST" for stamp, state in row.entries.items()
             }
-            self.goals[row.goal_id] = replace(
+            self.goals[key] = replace(
                 row, state="LOST", since=now, before=row.state, entries=entries
             )
-        return [self.goals[row.goal_id] for row in lost]
+        return [self.goals[key] for key in lost]
 
     def sorted(self) -> list[WatchedGoal]:
         """Return the goals in the order of their acceptance."""

@@ -26,16 +26,21 @@ class ServerNumbers:
     def __len__(self) -> int:
         return len(self._latest)
 
-    def of(self, message: Mapping[GoalKey, int]) -> int:
-        """Return the number of the server that has sent this message, which must have goals."""
-        number = self._known(message)
+    def of(self, message: Mapping[GoalKey, int], in_sight: int = 1) -> int:
+        """Return the number of the server that has sent this message, which must have goals.
+
+        `in_sight` is how many servers there are, if that is known.
+        """
+        number = self._known(message, in_sight)
         self._latest[number] = message
         return number
 
-    def _known(self, message: Mapping[GoalKey, int]) -> int:
+    def _known(self, message: Mapping[GoalKey, int], in_sight: int) -> int:
         for number, latest in self._latest.items():
             if not latest.keys().isdisjoint(message):
                 return number
+        if len(self._latest) < in_sight:
+            return len(self._latest) + 1
         for number, latest in self._latest.items():
             if not any(code in _RUNNING for code in latest.values()):
                 return number  # it has forgotten the goals that had ended

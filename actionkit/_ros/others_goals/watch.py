@@ -8,16 +8,19 @@ import uuid
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
+from typing import Any
 
 from action_msgs.msg import GoalStatusArray
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 
-from actionkit._ros.answers.wire import STATES, goals
+from actionkit._ros.answers.wire import ID_SIZE, STATES, feedback_goal_id, goals
 from actionkit._ros.communication.runtimes import Place
 from actionkit._ros.endpoints import graph
 from actionkit._ros.endpoints.names import ActionNames
 from actionkit._ros.others_goals.goal_board import DISCOVERY, FIRST, Board, WatchedGoal
+from actionkit._ros.others_goals.server_numbers import GoalKey, ServerNumbers
 from actionkit._ros.others_goals.topic import SETTLE, Stamped, TopicReader
 
 _TYPE = "action_msgs/msg/GoalStatusArray"
@@ -27,9 +30,10 @@ _OFFERED = ((ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),)
 """The usual QoS of servers. So their kept status arrives as soon as they are discovered."""
 _PERIOD = 0.25
 """Seconds between two checks for servers, often enough for a person who watches."""
-
-_Key = tuple[bytes, int, int]
-"""A goal on one server: its id, and the two numbers of the stamp."""
+_FEEDBACK_DEPTH = 10
+"""As servers have it."""
+_FEEDBACK_PERIOD = 1.0
+"""Seconds between two feedback messages of a goal; those between them are dropped."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,7 @@ class GoalSeen:
     goal_id: str  # with dashes, as everywhere in ActionKit
     state: str  # the name of a `GoalState`
     stamp: int  # when the server accepted it: nanoseconds since the epoch, by the server's clock
+    server: int = 1  # the server's number, as `ServerNumbers` counts them
 
     @property
     def accepted(self) -> float:
@@ -59,8 +64,11 @@ class StatusReader:
         on_goals: Callable[[list[GoalSeen]], None],
         on_servers: Callable[[tuple[str, ...]], None],
         place: Place | None = None,
+        period: float = _PERIOD,
     ) -> None:
         """Subscribe to the topic; `place` is that of `runtimes.acquire`.
+
+        It looks for servers every `period` seconds.
 
         On another thread, `on_goals` gets the goals that have changed, at first all that a server
         remembers, which may be none, and `on_servers` gets the names of the servers' nodes when
@@ -71,15 +79,16 @@ class StatusReader:
         self._on_servers = on_servers
         self._servers: tuple[str, ...] = ()
         self._has_status = False
-        self._codes: dict[_Key, int] = {}
-        """The status codes of the goals in the latest arrays, so that goals do not pile up here."""
+        self._numbers = ServerNumbers()
+        self._codes: dict[int, dict[GoalKey, int]] = {}
+        """The status codes in the latest array of each server, so that goals do not pile up."""
         self._reader = TopicReader(
             place,
             self._names.status,
             _TYPE,
             GoalStatusArray,
             depth=_DEPTH,
-            period=_PERIOD,
+            period=period,
             at_once=_OFFERED,
             on_messages=self._take,
             on_look=self._look,
@@ -93,15 +102,15 @@ class StatusReader:
         # Every array counts: a server that forgets goals at once shows an end in one array only.
         # But another client may cause hundreds of arrays in a second, of thousands of goals each.
         # So they are not decoded, and only changes are told.
-        before, self._codes = self._codes, {}
         changed = []
         for _, message in arrays:
-            for goal in goals(message):
-                key, code = goal[:3], goal[3]
+            codes = {goal[:3]: goal[3] for goal in goals(message)}
+            number = self._numbers.of(codes, len(self._servers)) if codes else 0
+            before = self._codes.get(number, {})
+            for key, code in codes.items():
                 if before.get(key) != code:
-                    before[key] = code
-                    changed.append(goal)
-                self._codes[key] = code
+                    changed.append((*key, code, number))
+            self._codes[number] = codes
         if changed or (arrays and not self._has_status):
             self._has_status = True
             self._on_goals([_seen(*goal) for goal in changed])
@@ -110,10 +119,59 @@ class StatusReader:
         infos = graph.servers(node, self._names)
         servers = tuple(sorted(info.node or "(a node not known yet)" for info in infos))
         if servers != self._servers:
+            if not servers:
+                self._numbers = ServerNumbers()  # those that come now are others
             self._servers = servers
             self._codes = {}  # goals that counted as lost are told of again
             self._has_status = False
             self._on_servers(servers)
+
+
+class FeedbackReader:
+    """Reads the feedback of all goals of an action until `close`: of each goal, one in a second."""
+
+    def __init__(
+        self,
+        names: ActionNames,
+        ros_type: str,
+        action_type: Any,
+        on_feedback: Callable[[str, bytes], None],
+        period: float,
+    ) -> None:
+        """Subscribe to the topic. `action_type` is the class of the type that `ros_type` names.
+
+        On another thread, `on_feedback` gets a goal's id and a message for `decoded`. `period` is
+        as for `StatusReader`.
+        """
+        self._message = action_type.Impl.FeedbackMessage
+        self._on_feedback = on_feedback
+        self._latest: dict[bytes, float] = {}
+        """When the last message of each goal was passed on: monotonic seconds, in their order."""
+        self._reader = TopicReader(
+            None,
+            names.feedback,
+            graph.feedback_type(ros_type),
+            self._message,
+            depth=_FEEDBACK_DEPTH,
+            period=period,
+            on_messages=self._take,
+        )
+        self.close = self._reader.close
+
+    def decoded(self, message: bytes) -> Any:
+        """Return the feedback in a message."""
+        return deserialize_message(message, self._message).feedback
+
+    def _take(self, messages: list[Stamped]) -> None:
+        now = time.monotonic()
+        while self._latest and now - next(iter(self._latest.values())) >= _FEEDBACK_PERIOD:
+            del self._latest[next(iter(self._latest))]
+        for _, message in messages:
+            goal_id = feedback_goal_id(message)
+            # Before decoding: most messages are dropped.
+            if goal_id not in self._latest and len(goal_id) == ID_SIZE:
+                self._latest[goal_id] = now
+                self._on_feedback(str(uuid.UUID(bytes=goal_id)), message)
 
 
 def goals_in_flight(
@@ -163,6 +221,6 @@ def goals_seen(
     return board.sorted()
 
 
-def _seen(goal_id: bytes, seconds: int, nanoseconds: int, code: int) -> GoalSeen:
-    state = STATES.get(code, f"UNKNOWN ({code})")
-    return GoalSeen(str(uuid.UUID(bytes=goal_id)), str(state), seconds * 10**9 + nanoseconds)
+def _seen(goal_id: bytes, seconds: int, nanoseconds: int, code: int, server: int = 1) -> GoalSeen:
+    state, stamp = STATES.get(code, f"UNKNOWN ({code})"), seconds * 10**9 + nanoseconds
+    return GoalSeen(str(uuid.UUID(bytes=goal_id)), str(state), stamp, server)

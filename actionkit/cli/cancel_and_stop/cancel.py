@@ -15,7 +15,7 @@ from actionkit._model.settings import LONGEST_GRACE
 from actionkit._observers.json_schema import note_line
 from actionkit._ros.cancelling.cancel_goals import cancel_goals
 from actionkit._ros.cancelling.cancelling import Cancelling, Fate
-from actionkit._ros.others_goals.goal_board import FIRST, Board
+from actionkit._ros.others_goals.goal_board import FIRST, Board, arrived
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.no_server import nothing_there
 from actionkit.cli._shared.options import HELP, SECONDS, debug_option, json_option, name_argument
@@ -128,9 +128,14 @@ def _list(survey: Survey, name: str, server_timeout: float) -> int:
         return _no_server(survey, name)
     board = Board()
     inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
+
+    def take(timeout: float) -> None:
+        for news in arrived(inbox, timeout):
+            board.take(news, time.time())
+
     reader = StatusReader(survey.names(name), on_goals=inbox.put, on_servers=inbox.put)
     try:
-        first_look(board, inbox, server_timeout)
+        first_look(board, take, server_timeout)
     finally:
         reader.close()
     if not board.servers:

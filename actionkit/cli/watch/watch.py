@@ -1,60 +1,58 @@
-"""`actionkit watch`: show the states of all goals of an action, also of other clients."""
+"""`actionkit watch`: show the states of all goals, also of other clients, of one action or all."""
 
 from __future__ import annotations
 
 import math
-import queue
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from actionkit._ros.others_goals.goal_board import FIRST
 from actionkit.cli._shared.exits import Exit
-from actionkit.cli._shared.options import HELP, SECONDS, debug_option, json_option, name_argument
+from actionkit.cli._shared.options import (
+    HELP,
+    SECONDS,
+    complete_names,
+    debug_option,
+    json_option,
+)
 from actionkit.cli._shared.problems import full_name, open_survey
 from actionkit.cli._shared.say import say
 from actionkit.cli._shared.signals import watch_output
 
 if TYPE_CHECKING:
-    from actionkit._ros.holds.state import Hold
     from actionkit._ros.others_goals.goal_board import Board
+    from actionkit._ros.others_goals.survey import Survey
+    from actionkit.cli.watch._actions import Actions
     from actionkit.cli.watch._screens import Screen
 
-
-@dataclass(frozen=True)
-class Held:
-    """A change of the holds: who has stopped the robot."""
-
-    holds: tuple[Hold, ...]
-
-
 TICK = 0.25
-"""Seconds between two drawings of the table: often enough for tenths of a second to look alive."""
+"""Seconds between two drawings of the table, and between two looks at the clock."""
 _NEXT_LOOK = 0.3
 """Seconds until a `StatusReader` has looked for servers again."""
 NO_STATUS = (
     "No goal is known: no status has come from the server. It has had no goal yet, or publishes"
     " none, as that of micro-ROS: then it may be running some."
 )
-_CLOSED: Any = object()
-"""Put into the inbox when nobody reads the output any more."""
 
 _EPILOG = """\b
 Examples:
-  actionkit watch /fibonacci
+  actionkit watch
   actionkit watch /fibonacci --once
+  actionkit watch --log goals.jsonl
   actionkit watch /fibonacci --for 60 --json > goals.jsonl
 
 States come from the servers' status topic, which needs no package of the action's own. Ctrl-C
-ends it."""
+ends it. `actionkit timeline` draws what --log and --json write."""
 
 
 @click.command("watch", context_settings=HELP, epilog=_EPILOG)
-@name_argument
+@click.argument("name", metavar="[NAME]", required=False, shell_complete=complete_names)
 @click.option("--once", is_flag=True, help="Show how the goals stand now, and leave.")
 @click.option("--for", "seconds", type=SECONDS, help="Leave after so many seconds.")
 @click.option(
@@ -62,94 +60,135 @@ ends it."""
     type=SECONDS,
     default=5.0,
     show_default=True,
-    help="With --once: how long to wait for a server.",
+    help="With --once and NAME: how long to wait for a server.",
+)
+@click.option(
+    "--feedback",
+    is_flag=True,
+    help="Show feedback, too, of each goal once a second at most. The action's type must be"
+    " installed here.",
+)
+@click.option(
+    "--log",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write the lines of --json to this file, too. It can run for days: at 10 MB the file is"
+    " renamed, and five older ones are kept.",
 )
 @json_option("Write one JSON object for each change.")
 @debug_option
 def command(
-    name: str, once: bool, seconds: float | None, server_timeout: float, as_json: bool
+    name: str | None,
+    once: bool,
+    seconds: float | None,
+    server_timeout: float,
+    feedback: bool,
+    log: Path | None,
+    as_json: bool,
 ) -> int:
-    """Show the goals of the action NAME as their states change, and whether agents are held."""
-    if once and seconds is not None:
-        raise click.UsageError("Give --once or --for, not both.")
-    with open_survey() as survey:
-        full = full_name(survey, name)
+    """Show the goals of all actions, or of NAME, as they change, and whether agents are held."""
+    if once and (seconds is not None or feedback):
+        raise click.UsageError("Give --once without --for and --feedback.")
+    with open_survey() as survey, ExitStack() as stack:
+        full = "" if name is None else full_name(survey, name)
 
+        from actionkit._observers.json_lines import RotatingFile
         from actionkit._ros.holds.view import HoldView
-        from actionkit._ros.others_goals.goal_board import Board
-        from actionkit._ros.others_goals.watch import StatusReader
+        from actionkit.cli.watch import _actions, _screens
 
-        def type_of() -> str:
-            action = survey.actions().get(full)
-            return ", ".join(action.types) if action else ""
+        screens: list[Screen] = []
+        if as_json:
+            screens.append(_screens.JsonScreen())
+        elif once or not sys.stdout.isatty():
+            screens.append(_screens.TextScreen(named=not full))
+        else:
+            screens.append(_screens.TableScreen(full, feedback=feedback))
+        if log is not None:
+            try:
+                file = RotatingFile(log.absolute())
+            except OSError as error:
+                raise click.BadParameter(f"{error}", param_hint="--log") from error
+            stack.callback(file.close)
+            screens.append(_screens.JsonScreen(file.write))
 
-        board = Board()
-        inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        actions = _actions.Actions(survey, full, feedback=feedback)
         view = HoldView(
-            None, "watch", speaks=False, on_change=lambda: inbox.put(Held(view.state.active))
+            None,
+            "watch",
+            speaks=False,
+            on_change=lambda: actions.put(lambda: actions.hold(view.state.active)),
         )
+        stack.callback(view.close)
         view.start()
-        reader = StatusReader(survey.names(full), on_goals=inbox.put, on_servers=inbox.put)
-        try:
-            if once:
-                return _once(full, board, inbox, server_timeout, type_of if as_json else None)
-            say(f"Watching the goals of {full}; Ctrl-C ends it.", err=True)
-            watch_output(lambda: inbox.put(_CLOSED))
-            return _follow(_screen(full, type_of if as_json else None), board, inbox, seconds)
-        finally:
-            reader.close()
-            view.close()
+        stack.enter_context(actions)
+        if once:
+            return _once(survey, actions, screens, full, server_timeout, as_json)
+        say(f"Watching the goals of {full or 'all actions'}; Ctrl-C ends it.", err=True)
+        watch_output(lambda: actions.put(_closed))
+        for screen in screens:
+            stack.enter_context(screen)
+        actions.screens += screens
+        return _follow(actions, seconds)
 
 
-def _screen(name: str, type_of: Callable[[], str] | None, *, once: bool = False) -> Screen:
-    """Return the screen for the goals; with `type_of`, it is for programs."""
-    from actionkit.cli.watch import _screens as screens
-
-    if type_of is not None:
-        return screens.JsonScreen(name, type_of)
-    if once:
-        return screens.TextScreen()
-    return screens.TableScreen(name) if sys.stdout.isatty() else screens.TextScreen()
+def _closed() -> None:
+    """Nobody reads the output any more."""
+    raise BrokenPipeError
 
 
-def _follow(
-    screen: Screen, board: Board, inbox: queue.SimpleQueue[Any], seconds: float | None
-) -> int:
-    end = None if seconds is None else time.monotonic() + seconds
-    with screen:
-        while end is None or time.monotonic() < end:
-            left = TICK if end is None else max(0.0, min(TICK, end - time.monotonic()))
-            _take(board, inbox, left, screen)
-            screen.tick(board)
+def _follow(actions: Actions, seconds: float | None) -> int:
+    end = math.inf if seconds is None else time.monotonic() + seconds
+    tick = 0.0
+    while (now := time.monotonic()) < end:
+        if now >= tick:
+            tick = now + TICK
+            for screen in actions.screens:
+                screen.tick(actions.all, actions.holds)
+        actions.take(max(0.0, min(tick, end) - now))
     return Exit.OK
 
 
 def _once(
+    survey: Survey,
+    actions: Actions,
+    screens: list[Screen],
     name: str,
-    board: Board,
-    inbox: queue.SimpleQueue[Any],
     server_timeout: float,
-    type_of: Callable[[], str] | None,
+    as_json: bool,
 ) -> int:
-    first_look(board, inbox, server_timeout)
-    if not board.servers:
-        say(f"Error: Action {name!r} has no server in sight.", err=True)
-        return Exit.NO_SERVER
-    with _screen(name, type_of, once=True) as screen:
-        if board.holds:
-            screen.hold(board)
-        for goal in board.sorted():
-            screen.goal(goal)
-    if not board.goals and type_of is None:
-        say("No goals: the server remembers none." if board.has_status else NO_STATUS)
+    if name:
+        first_look(actions.all[0].board, actions.take, server_timeout)
+        if not actions.all[0].board.servers:
+            say(f"Error: Action {name!r} has no server in sight.", err=True)
+            return Exit.NO_SERVER
+    else:
+        survey.settled()
+        actions.look()
+        end = time.monotonic() + FIRST
+        while (left := end - time.monotonic()) > 0:
+            actions.take(left)
+        if not any(action.board.servers for action in actions.all):
+            say("Error: No action has a server in sight. `actionkit doctor` tells more.", err=True)
+            return Exit.NO_SERVER
+    actions.look()  # for types that were not known
+    boards = [action.board for action in actions.all]
+    for screen in screens:
+        if actions.holds:
+            screen.hold(actions.holds)
+        for action in actions.all:
+            for goal in action.board.sorted():
+                screen.goal(action, goal)
+    if not any(board.goals for board in boards) and not as_json:
+        told = "No goals: the server remembers none." if name else "No goals: no server has any."
+        say(told if any(board.has_status for board in boards) or not name else NO_STATUS)
     return Exit.OK
 
 
-def first_look(board: Board, inbox: queue.SimpleQueue[Any], server_timeout: float) -> None:
+def first_look(board: Board, take: Callable[[float], object], server_timeout: float) -> None:
     """Wait until a server is in sight, then a second at most for the goals it remembers.
 
-    `inbox` gets what a `StatusReader` reports; the board is updated from it. Several servers get
-    the whole second, from when the first is seen: what has ended on one may run on another.
+    `take` waits so many seconds for news, and updates the board. Several servers get the whole
+    second, from when the first is seen: what has ended on one may run on another.
     """
     give_up = time.monotonic() + server_timeout
     first = alone = math.inf
@@ -161,28 +200,4 @@ def first_look(board: Board, inbox: queue.SimpleQueue[Any], server_timeout: floa
             alone = now + _NEXT_LOOK
         if now >= min(first, give_up) or (len(board.servers) == 1 and now >= alone):
             break
-        _take(board, inbox, TICK / 5, None)
-
-
-def _take(
-    board: Board, inbox: queue.SimpleQueue[Any], timeout: float, screen: Screen | None
-) -> None:
-    try:
-        news = inbox.get(timeout=timeout)
-    except queue.Empty:
-        return
-    if news is _CLOSED:
-        raise BrokenPipeError
-    if isinstance(news, Held):
-        if news.holds != board.holds:
-            board.holds = news.holds
-            if screen is not None:
-                screen.hold(board)
-        return
-    changed, servers = board.take(news, time.time())
-    if screen is None:
-        return
-    if servers:
-        screen.servers(board)
-    for goal in changed:
-        screen.goal(goal)
+        take(TICK / 5)

@@ -1,0 +1,158 @@
+"""Reads the goals of one action, or of all in sight, and passes each change to the screens."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+from actionkit._messages.by_name import interface_class
+from actionkit._messages.convert import to_plain
+from actionkit._ros.endpoints import graph
+from actionkit._ros.holds.state import Hold
+from actionkit._ros.others_goals.goal_board import Board, WatchedGoal, arrived
+from actionkit._ros.others_goals.survey import Survey
+from actionkit._ros.others_goals.watch import FeedbackReader, StatusReader
+from actionkit.cli._shared.say import say
+from actionkit.cli.watch._screens import Screen, Watched
+
+_LOOK = 1.0
+"""Seconds between two looks for new actions, and for types that are not known yet."""
+_PERIOD, _PERIOD_OF_ONE = 2.0, 0.25
+"""Seconds between two checks for the servers of each of many actions, and for those of one. A check
+takes a third of a millisecond."""
+_GONE = 60.0
+"""Seconds without a server after which an action is forgotten, so that a watch of days stays small.
+A server that is restarted is back sooner."""
+_MOST_ITEMS = 100
+"""Elements of an array in a feedback message that are shown, as by `JsonLines`."""
+
+
+@dataclass
+class _Open:
+    """An action that is read."""
+
+    action: Watched
+    in_sight: float  # monotonic seconds
+    readers: list[StatusReader | FeedbackReader] = field(default_factory=list)
+    lacks_feedback: bool = False
+
+
+class Actions:
+    """The actions that are watched. A context manager; all but `put` is for one thread."""
+
+    def __init__(self, survey: Survey, name: str, *, feedback: bool) -> None:
+        """Watch the action of this full name, or all if it is `""`."""
+        self.screens: list[Screen] = []
+        self.holds: tuple[Hold, ...] = ()
+        """The holds of people who have stopped the robot by `actionkit stop`."""
+        self._survey, self._name, self._feedback = survey, name, feedback
+        self._open: dict[str, _Open] = {}
+        self._inbox: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
+        self._next_look = 0.0
+
+    @property
+    def all(self) -> list[Watched]:
+        """Those that are watched now, by name."""
+        return [self._open[name].action for name in sorted(self._open)]
+
+    def put(self, call: Callable[[], object]) -> None:
+        """Let `take` call this. From any thread."""
+        self._inbox.put(call)
+
+    def take(self, timeout: float) -> None:
+        """Wait for news; pass on all that is there, and look for new actions if it is time."""
+        for call in arrived(self._inbox, timeout):
+            call()
+        if time.monotonic() >= self._next_look:
+            self.look()
+
+    def hold(self, holds: tuple[Hold, ...]) -> None:
+        """Record who has stopped the robot."""
+        if holds != self.holds:
+            self.holds = holds
+            for screen in self.screens:
+                screen.hold(holds)
+
+    def look(self) -> None:
+        """Look for new actions and for their types; forget those that have gone."""
+        now, node = time.monotonic(), self._survey.runtime.node
+        self._next_look = now + _LOOK
+        types = graph.action_types(node)
+        for name in [self._name] if self._name else {**types, **self._open}:
+            served = self._name or node.count_publishers(self._survey.names(name).feedback)
+            if served and name not in self._open:
+                self._start(name)
+            if (one := self._open.get(name)) is None:
+                continue
+            one.action.type = ", ".join(types.get(name, ())) or one.action.type
+            if served:
+                one.in_sight = now
+                self._read_feedback(one)
+            elif now - one.in_sight > _GONE:
+                self._end(self._open.pop(name))
+
+    def _start(self, name: str) -> None:
+        one = self._open[name] = _Open(Watched(name, Board(apart=True)), time.monotonic())
+
+        def put(news: Any) -> None:
+            self.put(partial(self._update, one.action, news, time.time()))
+
+        period = _PERIOD_OF_ONE if self._name else _PERIOD
+        names = self._survey.names(name)
+        one.readers.append(StatusReader(names, on_goals=put, on_servers=put, period=period))
+
+    def _update(self, action: Watched, news: Any, at: float) -> None:
+        changed, servers = action.board.take(news, at)
+        if not action.type:
+            self.look()
+        for screen in self.screens:
+            if servers:
+                screen.servers(action)
+            for goal in changed:
+                screen.goal(action, goal)
+
+    def _read_feedback(self, one: _Open) -> None:
+        action = one.action
+        if not self._feedback or not action.type or one.lacks_feedback or len(one.readers) > 1:
+            return
+
+        def put(goal_id: str, message: bytes) -> None:
+            self.put(partial(self._show_feedback, action, reader, goal_id, message, time.time()))
+
+        try:
+            cls = interface_class(action.type, "action")
+            names = self._survey.names(action.name)
+            reader = FeedbackReader(names, action.type, cls, put, _PERIOD)
+        except Exception as error:  # noqa: BLE001  of a package that is missing or broken
+            one.lacks_feedback = True
+            say(f"No feedback of {action.name}: {action.type}: {error}", err=True)
+            return
+        one.readers.append(reader)
+
+    def _show_feedback(
+        self, action: Watched, reader: FeedbackReader, goal_id: str, message: bytes, at: float
+    ) -> None:
+        with suppress(Exception):  # a message that is cut off
+            fields = to_plain(reader.decoded(message), max_items=_MOST_ITEMS)
+            known = [goal for goal in action.board.goals.values() if goal.goal_id == goal_id]
+            # A server of micro-ROS publishes no status.
+            goal = known[-1] if known else WatchedGoal(goal_id, "", at, at)
+            for screen in self.screens:
+                screen.goal(action, replace(goal, state="FEEDBACK", since=at, before=""), fields)
+
+    def _end(self, one: _Open) -> None:
+        for reader in one.readers:
+            reader.close()
+
+    def __enter__(self) -> Actions:
+        self.look()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for one in self._open.values():
+            self._end(one)
