@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
+import re
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,10 +16,13 @@ from rich.console import Console
 from actionkit._ros.endpoints import graph
 from actionkit._ros.endpoints.names import ActionNames
 from actionkit._ros.others_goals.goal_board import Board
+from actionkit._ros.others_goals.server_numbers import ServerNumbers
 from actionkit._ros.others_goals.watch import GoalSeen, StatusReader
 from actionkit.cli.watch import watch
-from actionkit.cli.watch._screens import TableScreen
+from actionkit.cli.watch._screens import TableScreen, Watched
 from tests.unit.test_wire import status_array
+
+EXECUTING, SUCCEEDED, CANCELED = 2, 4, 5
 
 
 def goal(number: int, state: str, stamp: int = 0) -> GoalSeen:
@@ -35,10 +41,10 @@ def test_only_changes_are_told_and_what_ended_stays_so() -> None:
     assert board.counts() == {"SUCCEEDED": 2}
 
 
-def drawn(board: Board) -> str:
+def drawn(board: Board, now: float = 1.0, name: str = "/a") -> str:
     console = Console(width=100)
     with console.capture() as capture:
-        console.print(TableScreen("/a")._drawn(board, 1.0))
+        console.print(TableScreen(name)._drawn([Watched("/a", board)], (), now))
     return capture.get()
 
 
@@ -114,10 +120,50 @@ def test_a_look_waits_for_the_goals_of_each_server_in_sight(
     told = [(0.6, [goal(1, "SUCCEEDED", 10)]), (1.3, [goal(1, "EXECUTING", 11)])]
     inbox, board = Inbox(*sorted([*servers, *told], key=lambda each: each[0])), Board()
     clock = SimpleNamespace(monotonic=lambda: inbox.now, time=time.time)
+
+    def take(timeout: float) -> None:
+        with contextlib.suppress(queue.Empty):
+            board.take(inbox.get(timeout), 0.0)
+
     monkeypatch.setattr(watch, "time", clock)
-    watch.first_look(board, inbox, 5.0)  # type: ignore[arg-type]
+    watch.first_look(board, take, 5.0)
     assert board.counts() == {state: 1}
     assert inbox.now < 1.6
+
+
+def test_apart_a_goal_that_two_servers_have_is_two_goals() -> None:
+    board = Board(apart=True)
+    ours, theirs = goal(1, "EXECUTING", 10), GoalSeen(goal(1, "").goal_id, "EXECUTING", 11, 2)
+    board.take([ours, theirs], 1.0)
+    changed, _ = board.take([replace(theirs, state="CANCELED")], 2.0)
+    assert [(row.state, row.server) for row in changed] == [("CANCELED", 2)]
+    assert board.counts() == {"EXECUTING": 1, "CANCELED": 1}
+
+
+@pytest.mark.parametrize(("in_sight", "number"), [(1, 1), (2, 2)])
+def test_another_server_is_told_from_one_that_forgets(in_sight: int, number: int) -> None:
+    servers = ServerNumbers()
+    ended, new = (b"1", 1, 0), (b"2", 2, 0)
+    assert servers.of({ended: SUCCEEDED}, in_sight) == 1
+    assert servers.of({new: EXECUTING}, in_sight) == number
+
+
+def test_the_table_of_all_shows_ended_goals_for_half_a_minute() -> None:
+    board = Board(apart=True)
+    board.take([goal(1, "EXECUTING"), goal(2, "SUCCEEDED")], 100.0)
+    assert all(word in drawn(board, 129.0, "") for word in ("/a", "EXECUTING", "SUCCEEDED"))
+    assert "SUCCEEDED" not in drawn(board, 131.0, "")
+    assert "SUCCEEDED" in drawn(board, 131.0, "/a")
+
+
+def test_the_table_tells_which_of_several_servers_has_a_goal() -> None:
+    board = Board(apart=True)
+    board.take(("/arm", "/arm"), 0.0)
+    board.take([replace(goal(1, "EXECUTING"), server=2)], 1.0)
+    assert "2 of 2" in drawn(board)
+    board.take(("/arm",), 2.0)
+    board.take([goal(2, "EXECUTING")], 3.0)
+    assert re.search(r"^/a +0{8}  EXECUTING .* /arm *$", drawn(board, name=""), re.M)
 
 
 @pytest.mark.long
@@ -129,9 +175,6 @@ def test_the_board_is_bounded_and_keeps_what_runs() -> None:
     assert len(board.goals) == 1000
     assert board.goals[f"{0:032x}"].state == "EXECUTING"
     assert f"{2999:032x}" in board.goals
-
-
-EXECUTING, SUCCEEDED, CANCELED = 2, 4, 5
 
 
 def test_each_change_is_told_once(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,5 +214,8 @@ def test_each_change_is_told_once(ros_domain: int, monkeypatch: pytest.MonkeyPat
         # All again when the servers have changed: they may have counted as lost.
         see("/server", "/other")
         assert come([(two, CANCELED)]) == [("02", "CANCELED")]
+        # Not all again because another server tells of its goals.
+        assert come([(one, EXECUTING)]) == [("01", "EXECUTING")]
+        assert come([(two, CANCELED)], [(one, EXECUTING)]) == []
     finally:
         reader.close()

@@ -14,13 +14,14 @@ from test_msgs.action import Fibonacci
 
 from actionkit import cli
 from actionkit._ros.others_goals.goal_board import Board
+from actionkit._ros.others_goals.watch import GoalSeen
 from actionkit.cli._shared import options as _options
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.say import say
 from actionkit.cli.call import _reports
 from actionkit.cli.call._live import LiveReport
 from actionkit.cli.demo._screen import DemoScreen
-from actionkit.cli.watch import _screens as _watch_screens
+from actionkit.cli.watch._screens import TableScreen, Watched
 from tests.cli.conftest import FIBONACCI, World
 
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\x9b31m\x7f\r\u202e\ud800"
@@ -29,10 +30,13 @@ ESCAPED = r"\u001b]0;owned\u0007\u001b[2J\u009b31m\u007f\r\u202e\ud800"
 CONTROLS = set(HOSTILE) - set(ESCAPED)
 
 
-def drawn_table() -> None:
+def drawn_table(name: str, server: str, text: str) -> None:
     board = Board()
-    board.take((HOSTILE,), 0.0)
-    Console(width=400).print(_watch_screens.TableScreen("/a")._drawn(board, 1.0))
+    board.take((server,), 0.0)
+    board.take([GoalSeen("", "EXECUTING", 1)], 0.0)
+    action, screen = Watched(name, board), TableScreen(feedback=True)
+    screen.goal(action, board.sorted()[0], {"text": text})
+    Console(width=400).print(screen._drawn([action], (), 1.0))
 
 
 def log() -> None:
@@ -72,10 +76,12 @@ WRITES = re.compile(
         lambda: say(HOSTILE, err=True, label="ours"),
         lambda: LiveReport(Fibonacci.Goal(), bar=False).out(HOSTILE),
         lambda: DemoScreen(Console(width=400, markup=False)).failure(HOSTILE),
-        drawn_table,
+        lambda: drawn_table(HOSTILE, "/b", "c"),
+        lambda: drawn_table("/a", HOSTILE, "c"),
+        lambda: drawn_table("/a", "/b", HOSTILE),
         log,
     ],
-    ids=["say", "error", "live", "demo", "watch", "log"],
+    ids=["say", "error", "live", "demo", "action", "server", "feedback", "log"],
 )
 def test_a_text_cannot_control_the_terminal(
     write: Callable[[], object], capsys: pytest.CaptureFixture[str]

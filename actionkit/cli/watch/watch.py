@@ -35,6 +35,8 @@ TICK = 0.25
 """Seconds between two drawings of the table, and between two looks at the clock."""
 _NEXT_LOOK = 0.3
 """Seconds until a `StatusReader` has looked for servers again."""
+_MOST = 4.0
+"""Seconds to look for actions at most, with --once and without NAME."""
 NO_STATUS = (
     "No goal is known: no status has come from the server. It has had no goal yet, or publishes"
     " none, as that of micro-ROS: then it may be running some."
@@ -88,7 +90,8 @@ def command(
 ) -> int:
     """Show the goals of all actions, or of NAME, as they change, and whether agents are held."""
     if once and (seconds is not None or feedback):
-        raise click.UsageError("Give --once without --for and --feedback.")
+        other = "--feedback" if feedback else "--for"
+        raise click.UsageError(f"Give --once or {other}, not both.")
     with open_survey() as survey, ExitStack() as stack:
         full = "" if name is None else full_name(survey, name)
 
@@ -162,7 +165,7 @@ def _once(
             say(f"Error: Action {name!r} has no server in sight.", err=True)
             return Exit.NO_SERVER
     else:
-        survey.settled()
+        survey.settled(most=_MOST)
         actions.look()
         end = time.monotonic() + FIRST
         while (left := end - time.monotonic()) > 0:
