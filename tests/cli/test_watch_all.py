@@ -127,10 +127,10 @@ def test_once_shows_the_goals_of_all_actions(world: World) -> None:
 def test_once_says_if_there_is_nothing(empty_world: World) -> None:
     nobody = empty_world.run("watch", "--once")
     assert (nobody.code, nobody.out) == (Exit.NO_SERVER, "")
-    assert nobody.err == "Error: No action has a server in sight. `actionkit doctor` tells more.\n"
+    assert nobody.err == "Error: No action has a server in sight.\n"
     empty_world.server("fibonacci")
     idle = empty_world.run("watch", "--once")
-    assert (idle.code, idle.out) == (Exit.OK, "No goals: no server has any.\n")
+    assert (idle.code, idle.out) == (Exit.OK, "No goals: no server remembers any.\n")
 
 
 @pytest.mark.heavy

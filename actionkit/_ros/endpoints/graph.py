@@ -64,11 +64,6 @@ def feedback_topic(action_name: str) -> str:
     return action_name + _FEEDBACK
 
 
-def feedback_type(action_type: str) -> str:
-    """Return the type of the messages on that topic."""
-    return action_type + _FEEDBACK_TYPE
-
-
 def servers(node: Node, names: ActionNames) -> list[Endpoint]:
     """Return the servers of an action.
 

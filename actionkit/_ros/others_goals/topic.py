@@ -105,7 +105,9 @@ class TopicReader:
         self.runtime.join_if_stopping(_JOIN)
 
     def _look(self) -> None:
-        self._timer = self.runtime.call_at(self.runtime.now() + self._period, self._look)
+        # All readers of one period at the same times: so many of them wake the thread once.
+        now = self.runtime.now()
+        self._timer = self.runtime.call_at(now - now % self._period + self._period, self._look)
         try:
             infos = self.runtime.node.get_publishers_info_by_topic(self._topic)
             ours = [info.qos_profile for info in infos if info.topic_type == self._type]

@@ -8,6 +8,7 @@ import uuid
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from action_msgs.msg import GoalStatusArray
@@ -15,6 +16,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
+from actionkit._model.action_type import type_name_of
 from actionkit._ros.answers.wire import ID_SIZE, STATES, feedback_goal_id, goals
 from actionkit._ros.communication.runtimes import Place
 from actionkit._ros.endpoints import graph
@@ -127,51 +129,38 @@ class StatusReader:
             self._on_servers(servers)
 
 
-class FeedbackReader:
-    """Reads the feedback of all goals of an action until `close`: of each goal, one in a second."""
+def read_feedback(
+    names: ActionNames,
+    action_type: Any,
+    on_feedback: Callable[[str, Callable[[], Any]], None],
+    period: float,
+) -> TopicReader:
+    """Read the feedback of all goals of an action until `close`: of each goal, one in a second.
 
-    def __init__(
-        self,
-        names: ActionNames,
-        ros_type: str,
-        action_type: Any,
-        on_feedback: Callable[[str, bytes], None],
-        period: float,
-    ) -> None:
-        """Subscribe to the topic. `action_type` is the class of the type that `ros_type` names.
+    `action_type` is the class of its type. On another thread, `on_feedback` gets a goal's id, and a
+    function that decodes the feedback. `period` is as for `StatusReader`.
+    """
+    cls = action_type.Impl.FeedbackMessage
+    latest: dict[bytes, float] = {}  # when each goal's last one was passed on, the oldest first
 
-        On another thread, `on_feedback` gets a goal's id and a message for `decoded`. `period` is
-        as for `StatusReader`.
-        """
-        self._message = action_type.Impl.FeedbackMessage
-        self._on_feedback = on_feedback
-        self._latest: dict[bytes, float] = {}
-        """When the last message of each goal was passed on: monotonic seconds, in their order."""
-        self._reader = TopicReader(
-            None,
-            names.feedback,
-            graph.feedback_type(ros_type),
-            self._message,
-            depth=_FEEDBACK_DEPTH,
-            period=period,
-            on_messages=self._take,
-        )
-        self.close = self._reader.close
-
-    def decoded(self, message: bytes) -> Any:
-        """Return the feedback in a message."""
-        return deserialize_message(message, self._message).feedback
-
-    def _take(self, messages: list[Stamped]) -> None:
+    def take(messages: list[Stamped]) -> None:
         now = time.monotonic()
-        while self._latest and now - next(iter(self._latest.values())) >= _FEEDBACK_PERIOD:
-            del self._latest[next(iter(self._latest))]
+        while latest and now - next(iter(latest.values())) >= _FEEDBACK_PERIOD:
+            del latest[next(iter(latest))]
         for _, message in messages:
             goal_id = feedback_goal_id(message)
             # Before decoding: most messages are dropped.
-            if goal_id not in self._latest and len(goal_id) == ID_SIZE:
-                self._latest[goal_id] = now
-                self._on_feedback(str(uuid.UUID(bytes=goal_id)), message)
+            if goal_id not in latest and len(goal_id) == ID_SIZE:
+                latest[goal_id] = now
+                on_feedback(str(uuid.UUID(bytes=goal_id)), partial(_feedback_in, message, cls))
+
+    ros_type = type_name_of(action_type) + "_FeedbackMessage"
+    depth, topic = _FEEDBACK_DEPTH, names.feedback
+    return TopicReader(None, topic, ros_type, cls, depth=depth, period=period, on_messages=take)
+
+
+def _feedback_in(message: bytes, cls: Any) -> Any:
+    return deserialize_message(message, cls).feedback
 
 
 def goals_in_flight(

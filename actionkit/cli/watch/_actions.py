@@ -5,8 +5,7 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -16,7 +15,7 @@ from actionkit._ros.endpoints import graph
 from actionkit._ros.holds.state import Hold
 from actionkit._ros.others_goals.goal_board import Board, WatchedGoal, arrived
 from actionkit._ros.others_goals.survey import Survey
-from actionkit._ros.others_goals.watch import FeedbackReader, StatusReader
+from actionkit._ros.others_goals.watch import StatusReader, read_feedback
 from actionkit.cli._shared.say import say
 from actionkit.cli.watch._screens import Screen, Watched
 
@@ -32,16 +31,6 @@ _MOST_ITEMS = 100
 """Elements of an array in a feedback message that are shown, as by `JsonLines`."""
 
 
-@dataclass
-class _Open:
-    """An action that is read."""
-
-    action: Watched
-    in_sight: float  # monotonic seconds
-    readers: list[StatusReader | FeedbackReader] = field(default_factory=list)
-    lacks_feedback: bool = False
-
-
 class Actions:
     """The actions that are watched. A context manager; all but `put` is for one thread."""
 
@@ -50,19 +39,12 @@ class Actions:
         self.screens: list[Screen] = []
         self.holds: tuple[Hold, ...] = ()
         """The holds of people who have stopped the robot by `actionkit stop`."""
+        self.by_name: dict[str, Watched] = {}
         self._survey, self._name, self._feedback = survey, name, feedback
-        self._open: dict[str, _Open] = {}
         self._inbox: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
         self._next_look = 0.0
-
-    @property
-    def all(self) -> list[Watched]:
-        """Those that are watched now, by name."""
-        return [self._open[name].action for name in sorted(self._open)]
-
-    def put(self, call: Callable[[], object]) -> None:
-        """Let `take` call this. From any thread."""
-        self._inbox.put(call)
+        self.put = self._inbox.put
+        """Let `take` call a function. From any thread."""
 
     def take(self, timeout: float) -> None:
         """Wait for news; pass on all that is there, and look for new actions if it is time."""
@@ -83,28 +65,31 @@ class Actions:
         now, node = time.monotonic(), self._survey.runtime.node
         self._next_look = now + _LOOK
         types = graph.action_types(node)
-        for name in [self._name] if self._name else {**types, **self._open}:
+        for name in [self._name] if self._name else sorted({*types, *self.by_name}):
             served = self._name or node.count_publishers(self._survey.names(name).feedback)
-            if served and name not in self._open:
+            if served and name not in self.by_name:
                 self._start(name)
-            if (one := self._open.get(name)) is None:
+            if (action := self.by_name.get(name)) is None:
                 continue
-            one.action.type = ", ".join(types.get(name, ())) or one.action.type
+            action.type = ", ".join(types.get(name, ())) or action.type
             if served:
-                one.in_sight = now
-                self._read_feedback(one)
-            elif now - one.in_sight > _GONE:
-                self._end(self._open.pop(name))
+                action.in_sight = now
+                if self._feedback and action.type and not action.asked_for_feedback:
+                    self._read_feedback(action)
+            elif now - action.in_sight > _GONE:
+                del self.by_name[name]
+                action.close()
 
     def _start(self, name: str) -> None:
-        one = self._open[name] = _Open(Watched(name, Board(apart=True)), time.monotonic())
+        action = self.by_name[name] = Watched(name, Board(apart=True))
 
         def put(news: Any) -> None:
-            self.put(partial(self._update, one.action, news, time.time()))
+            self.put(partial(self._update, action, news, time.time()))
 
         period = _PERIOD_OF_ONE if self._name else _PERIOD
         names = self._survey.names(name)
-        one.readers.append(StatusReader(names, on_goals=put, on_servers=put, period=period))
+        reader = StatusReader(names, on_goals=put, on_servers=put, period=period)
+        action.readers.append(reader)
 
     def _update(self, action: Watched, news: Any, at: float) -> None:
         changed, servers = action.board.take(news, at)
@@ -116,43 +101,35 @@ class Actions:
             for goal in changed:
                 screen.goal(action, goal)
 
-    def _read_feedback(self, one: _Open) -> None:
-        action = one.action
-        if not self._feedback or not action.type or one.lacks_feedback or len(one.readers) > 1:
-            return
+    def _read_feedback(self, action: Watched) -> None:
+        def put(goal_id: str, decode: Callable[[], Any]) -> None:
+            self.put(partial(self._show_feedback, action, goal_id, decode, time.time()))
 
-        def put(goal_id: str, message: bytes) -> None:
-            self.put(partial(self._show_feedback, action, reader, goal_id, message, time.time()))
-
+        action.asked_for_feedback = True
         try:
             cls = interface_class(action.type, "action")
-            names = self._survey.names(action.name)
-            reader = FeedbackReader(names, action.type, cls, put, _PERIOD)
+            reader = read_feedback(self._survey.names(action.name), cls, put, _PERIOD)
+            action.readers.append(reader)
         except Exception as error:  # noqa: BLE001  of a package that is missing or broken
-            one.lacks_feedback = True
             say(f"No feedback of {action.name}: {action.type}: {error}", err=True)
-            return
-        one.readers.append(reader)
 
     def _show_feedback(
-        self, action: Watched, reader: FeedbackReader, goal_id: str, message: bytes, at: float
+        self, action: Watched, goal_id: str, decode: Callable[[], Any], at: float
     ) -> None:
-        with suppress(Exception):  # a message that is cut off
-            fields = to_plain(reader.decoded(message), max_items=_MOST_ITEMS)
-            known = [goal for goal in action.board.goals.values() if goal.goal_id == goal_id]
-            # A server of micro-ROS publishes no status.
-            goal = known[-1] if known else WatchedGoal(goal_id, "", at, at)
-            for screen in self.screens:
-                screen.goal(action, replace(goal, state="FEEDBACK", since=at, before=""), fields)
-
-    def _end(self, one: _Open) -> None:
-        for reader in one.readers:
-            reader.close()
+        try:
+            fields = to_plain(decode(), max_items=_MOST_ITEMS)
+        except Exception:  # noqa: BLE001  a message that is cut off
+            return
+        known = [goal for goal in action.board.goals.values() if goal.goal_id == goal_id]
+        # A server of micro-ROS publishes no status.
+        goal = known[-1] if known else WatchedGoal(goal_id, "", at, at)
+        for screen in self.screens:
+            screen.goal(action, replace(goal, state="FEEDBACK", since=at, before=""), fields)
 
     def __enter__(self) -> Actions:
         self.look()
         return self
 
     def __exit__(self, *_: object) -> None:
-        for one in self._open.values():
-            self._end(one)
+        for action in self.by_name.values():
+            action.close()

@@ -6,12 +6,11 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from rich.console import Console, Group
 from rich.live import Live
-from rich.table import Column, Table
 from rich.text import Text
 from typing_extensions import Self
 
@@ -23,6 +22,8 @@ from actionkit._observers.protocol import CallInfo
 from actionkit._ros.holds.state import Hold
 from actionkit._ros.holds.words import who
 from actionkit._ros.others_goals.goal_board import Board, WatchedGoal
+from actionkit._ros.others_goals.topic import TopicReader
+from actionkit._ros.others_goals.watch import StatusReader
 from actionkit.cli._shared.say import say
 from actionkit.cli.watch._hold_lines import hold_line
 
@@ -37,8 +38,6 @@ _STYLES = {
 }
 _FRAME = 7
 """Lines around the goals: three above, the heads of the columns, one below, and two to spare."""
-_REDRAW = 1.0
-"""Seconds until the table is drawn again if nothing has changed: its times are whole seconds."""
 _STAY = 30.0
 """Seconds that a goal stays in the table of all actions after its end."""
 _WIDE = 120
@@ -58,6 +57,14 @@ class Watched:
     name: str
     board: Board
     type: str = ""  # its type's name; `""` while it is not known
+    in_sight: float = 0.0  # when it last had a server, in monotonic seconds
+    asked_for_feedback: bool = False
+    readers: list[StatusReader | TopicReader] = field(default_factory=list)
+
+    def close(self) -> None:
+        """Read it no more."""
+        for reader in self.readers:
+            reader.close()
 
     def server(self, goal: WatchedGoal) -> int | None:
         """Return the number of a goal's server if the action has several."""
@@ -85,7 +92,7 @@ class Screen:
         """Show that a goal has changed; or its feedback, and then `FEEDBACK` is its state."""
 
     def tick(self, actions: Sequence[Watched], holds: Sequence[Hold]) -> None:
-        """Draw again, if that is needed; called a few times a second."""
+        """Draw again; called twice a second."""
 
     def __enter__(self) -> Self:
         return self
@@ -160,25 +167,15 @@ class TableScreen(Screen):
         """Take the action's full name, `""` for all, and whether there is a column for feedback."""
         self._name, self._has_feedback = name, feedback
         self._feedback: dict[tuple[str, str], str] = {}
-        self._next = 0.0
         self._console = Console(highlight=False, markup=False, emoji=False)
         self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False)
 
-    def servers(self, action: Watched) -> None:
-        self._next = 0.0
-
-    def hold(self, holds: Sequence[Hold]) -> None:
-        self._next = 0.0
-
     def goal(self, action: Watched, goal: WatchedGoal, feedback: Fields | None = None) -> None:
-        self._next = 0.0
         if feedback is not None:
             self._feedback[action.name, goal.goal_id] = _short(feedback)
 
     def tick(self, actions: Sequence[Watched], holds: Sequence[Hold]) -> None:
-        if (now := time.monotonic()) >= self._next:
-            self._next = now + _REDRAW
-            self._live.update(self._drawn(actions, holds, time.time()), refresh=True)
+        self._live.update(self._drawn(actions, holds, time.time()), refresh=True)
 
     def _drawn(self, actions: Sequence[Watched], holds: Sequence[Hold], now: float) -> Group:
         shown = [
@@ -199,10 +196,10 @@ class TableScreen(Screen):
         hidden, shown = len(shown) - room, shown[:room]
         keys = [(action.name, goal.goal_id) for action, goal in shown]
         self._feedback = {key: self._feedback.get(key, "") for key in keys}  # not all for ever
-        columns: dict[str, Sequence[str | Text]] = {
+        columns = {
             "action": [printable(name) for name, _ in keys],
             "goal": [goal_id for _, goal_id in keys],
-            "state": [Text(goal.state, style=_STYLES.get(goal.state, "")) for _, goal in shown],
+            "state": [goal.state for _, goal in shown],
             "age": [_seconds((g.since if g.ended else now) - g.accepted) for _, g in shown],
             "last change": [f"{_seconds(now - goal.since)} ago" for _, goal in shown],
             "server": [printable(action.server_words(goal)) for action, goal in shown],
@@ -216,9 +213,13 @@ class TableScreen(Screen):
             columns["goal"] = [goal_id[:_SHORT] for _, goal_id in keys]
         if not self._has_feedback:
             del columns["feedback"]
-        table = Table(*(Column(name, no_wrap=True) for name in columns), box=None, pad_edge=False)
-        for row in zip(*columns.values(), strict=True):
-            table.add_row(*row)
+        # A `Table` of rich would take ten times as long to draw.
+        table = Text(no_wrap=True, overflow="ellipsis")
+        widths = [max(map(len, [name, *cells])) + 2 for name, cells in columns.items()]
+        for row in zip(*([name, *cells] for name, cells in columns.items()), strict=True):
+            for cell, width in zip(row, widths, strict=True):
+                table.append(cell.ljust(width), _STYLES.get(cell, ""))
+            table.append("\n")
         has_status = not self._name or any(action.board.has_status for action in actions)
         return Group(
             Text(printable(head), style="bold"),

@@ -31,8 +31,10 @@ if TYPE_CHECKING:
     from actionkit.cli.watch._actions import Actions
     from actionkit.cli.watch._screens import Screen
 
-TICK = 0.25
-"""Seconds between two drawings of the table, and between two looks at the clock."""
+_TICK = 0.5
+"""Seconds between two drawings of the table. Each takes about two milliseconds."""
+_STEP = 0.05
+"""Seconds between two looks at the clock, with --once."""
 _NEXT_LOOK = 0.3
 """Seconds until a `StatusReader` has looked for servers again."""
 _MOST = 4.0
@@ -144,9 +146,9 @@ def _follow(actions: Actions, seconds: float | None) -> int:
     tick = 0.0
     while (now := time.monotonic()) < end:
         if now >= tick:
-            tick = now + TICK
+            tick = now + _TICK
             for screen in actions.screens:
-                screen.tick(actions.all, actions.holds)
+                screen.tick([*actions.by_name.values()], actions.holds)
         actions.take(max(0.0, min(tick, end) - now))
     return Exit.OK
 
@@ -160,30 +162,28 @@ def _once(
     as_json: bool,
 ) -> int:
     if name:
-        first_look(actions.all[0].board, actions.take, server_timeout)
-        if not actions.all[0].board.servers:
-            say(f"Error: Action {name!r} has no server in sight.", err=True)
-            return Exit.NO_SERVER
+        first_look(actions.by_name[name].board, actions.take, server_timeout)
     else:
         survey.settled(most=_MOST)
         actions.look()
         end = time.monotonic() + FIRST
         while (left := end - time.monotonic()) > 0:
             actions.take(left)
-        if not any(action.board.servers for action in actions.all):
-            say("Error: No action has a server in sight. `actionkit doctor` tells more.", err=True)
-            return Exit.NO_SERVER
     actions.look()  # for types that were not known
-    boards = [action.board for action in actions.all]
+    watched = list(actions.by_name.values())
+    if not any(action.board.servers for action in watched):
+        told = f"Action {name!r} has no" if name else "No action has a"
+        say(f"Error: {told} server in sight.", err=True)
+        return Exit.NO_SERVER
     for screen in screens:
         if actions.holds:
             screen.hold(actions.holds)
-        for action in actions.all:
+        for action in watched:
             for goal in action.board.sorted():
                 screen.goal(action, goal)
-    if not any(board.goals for board in boards) and not as_json:
-        told = "No goals: the server remembers none." if name else "No goals: no server has any."
-        say(told if any(board.has_status for board in boards) or not name else NO_STATUS)
+    if not any(action.board.goals for action in watched) and not as_json:
+        has_status = not name or watched[0].board.has_status
+        say("No goals: no server remembers any." if has_status else NO_STATUS)
     return Exit.OK
 
 
@@ -203,4 +203,4 @@ def first_look(board: Board, take: Callable[[float], object], server_timeout: fl
             alone = now + _NEXT_LOOK
         if now >= min(first, give_up) or (len(board.servers) == 1 and now >= alone):
             break
-        take(TICK / 5)
+        take(_STEP)
