@@ -20,6 +20,7 @@ _MODULES = {
     7: "b7_trees",
     8: "b8_fresh",
     9: "b9_scale",
+    10: "b10_watch",
     11: "b11_recordings",
 }
 _SHOWN = Path(__file__).parent / "results.json"

@@ -32,7 +32,7 @@ class Child:
             stdout=subprocess.PIPE,
             text=True,
             bufsize=1,
-            env=_environment(domain),
+            env=environment(domain),
         )
         self._name = " ".join([module, *arguments])
         self.pid = self._process.pid
@@ -100,7 +100,7 @@ def run(domain: int, module: str, *arguments: str) -> str:
         [sys.executable, "-m", module, *arguments],
         stdout=subprocess.PIPE,
         text=True,
-        env=_environment(domain),
+        env=environment(domain),
         timeout=_PATIENCE,
         check=True,
     ).stdout
@@ -118,7 +118,7 @@ def seconds_until(text: str, domain: int, *command: str) -> float:
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env=_environment(domain),
+        env=environment(domain),
     )
     try:
         assert process.stdout is not None
@@ -132,7 +132,8 @@ def seconds_until(text: str, domain: int, *command: str) -> float:
     return took
 
 
-def _environment(domain: int) -> dict[str, str]:
+def environment(domain: int) -> dict[str, str]:
+    """Return the variables of a process in a ROS domain, on this machine only."""
     environment = {k: v for k, v in os.environ.items() if k not in _ELSEWHERE}
     return {
         **environment,
