@@ -98,7 +98,7 @@ def test_an_action_whose_type_is_not_here_is_named_and_watched(world: World) -> 
 def test_a_goal_of_two_servers_is_two_goals(world: World) -> None:
     server = world.server("twins", gate=1)
     watching = world.start("watch", "--json")
-    watching.until('"servers":["/reference_server')
+    watching.until('","/reference_server')  # both
     call = world.start("call", "twins", FIBONACCI, "{order: 1}")
     call.until("Goal accepted")
     watching.until('"server":1')
@@ -117,10 +117,13 @@ def test_once_shows_the_goals_of_all_actions(world: World) -> None:
     for name in ("fibonacci", "countdown"):
         world.server(name)
         assert world.run("call", name, FIBONACCI, "{order: 1}").code == Exit.OK
-    shown = world.run("watch", "--once")
-    assert shown.code == Exit.OK
-    found = re.findall(r"  (/\w+)  [\w-]{36}  SUCCEEDED  accepted", shown.out)
-    assert {"/fibonacci", "/countdown"} <= set(found)
+    for _ in range(5):  # a busy machine loses packets of discovery
+        shown = world.run("watch", "--once")
+        assert shown.code == Exit.OK
+        found = set(re.findall(r"  (/\w+)  [\w-]{36}  SUCCEEDED  accepted", shown.out))
+        if {"/fibonacci", "/countdown"} <= found:
+            return
+    raise AssertionError(shown.out)
 
 
 @pytest.mark.long

@@ -164,6 +164,7 @@ def _once(
     if name:
         first_look(actions.by_name[name].board, actions.take, server_timeout)
     else:
+        survey.on_look.append(lambda _: actions.take(0.0))
         survey.settled(most=_MOST)
         actions.look()
         end = time.monotonic() + FIRST
