@@ -18,7 +18,7 @@ from actionkit._ros.endpoints.names import ActionNames
 from actionkit._ros.others_goals.goal_board import Board
 from actionkit._ros.others_goals.server_numbers import ServerNumbers
 from actionkit._ros.others_goals.watch import GoalSeen, StatusReader
-from actionkit.cli.watch import watch
+from actionkit.cli.watch import _actions, watch
 from actionkit.cli.watch._screens import TableScreen, Watched
 from tests.unit.test_wire import status_array
 
@@ -219,3 +219,24 @@ def test_each_change_is_told_once(ros_domain: int, monkeypatch: pytest.MonkeyPat
         assert come([(two, CANCELED)], [(one, EXECUTING)]) == []
     finally:
         reader.close()
+
+
+def test_an_action_is_read_until_it_has_been_gone_for_a_minute(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    counts, clock, closed = {"/a/_action/feedback": 1}, SimpleNamespace(now=0.0), []
+    node = SimpleNamespace(count_publishers=lambda topic: counts.get(topic, 0))
+    survey = SimpleNamespace(runtime=SimpleNamespace(node=node), names=ActionNames.of)
+    reader = SimpleNamespace(close=lambda: closed.append(clock.now))
+    monkeypatch.setattr(graph, "action_types", lambda _: {"/a": ["p/action/T"], "/b": []})
+    monkeypatch.setattr(_actions, "StatusReader", lambda *_, **__: reader)
+    monkeypatch.setattr(
+        _actions, "time", SimpleNamespace(monotonic=lambda: clock.now, time=time.time)
+    )
+    actions = _actions.Actions(survey, "", feedback=False)  # type: ignore[arg-type]
+    actions.look()
+    assert {name: action.type for name, action in actions.by_name.items()} == {"/a": "p/action/T"}
+    counts.clear()
+    for clock.now in (59.0, 61.0):
+        actions.look()
+    assert (closed, actions.by_name) == ([61.0], {})

@@ -213,3 +213,18 @@ def test_watch_draws_a_table(world, terminal) -> None:
     assert shown.raw.rstrip().endswith("Interrupted.")
     assert "Traceback" not in shown.text
     assert server.running()  # watching touches nothing
+
+
+@pytest.mark.long
+def test_watch_draws_a_table_of_all_actions(world, terminal) -> None:
+    world.server("never_finishes")
+    shown = terminal("watch")
+    shown.until("in sight")
+    call = world.start("call", "never_finishes", FIBONACCI)
+    call.until("Goal accepted")
+    shown.until("/never_finishes")
+    shown.until("EXECUTING")
+    shown.until("last change  server")
+    assert re.search(r"/never_finishes +[0-9a-f]{8} +EXECUTING +\d+ s +\d+ s ago", shown.text)
+    shown.press(CTRL_C)
+    assert shown.finish() == Exit.INTERRUPTED

@@ -93,6 +93,8 @@ CALL = ("call", "/fibonacci", FIBONACCI)
             "(https://github.com/ros-navigation/navigation2)",
         ),
         (("watch", "/fibonacci", "--once", "--for", "1"), "not both"),
+        (("watch", "--once", "--feedback"), "not both"),
+        (("watch", "--log", "/nowhere/goals.jsonl"), "No such file or directory"),
         (("info", "not a name"), "not a valid ROS name"),
         (("show", "test_msgs/action/Fibonaci"), f"Did you mean {FIBONACCI}?"),
         (("cancel", "/fibonacci", "7"), "'7' is not a goal id"),
