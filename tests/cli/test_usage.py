@@ -94,7 +94,7 @@ CALL = ("call", "/fibonacci", FIBONACCI)
         ),
         (("watch", "/fibonacci", "--once", "--for", "1"), "not both"),
         (("watch", "--once", "--feedback"), "not both"),
-        (("watch", "--log", "/nowhere/goals.jsonl"), "No such file or directory"),
+        (("watch", "--log", "/dev/null/goals.jsonl"), "Not a directory"),
         (("info", "not a name"), "not a valid ROS name"),
         (("show", "test_msgs/action/Fibonaci"), f"Did you mean {FIBONACCI}?"),
         (("cancel", "/fibonacci", "7"), "'7' is not a goal id"),
