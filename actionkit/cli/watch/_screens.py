@@ -40,6 +40,8 @@ _FRAME = 7
 """Lines around the goals: three above, the heads of the columns, one below, and two to spare."""
 _STAY = 30.0
 """Seconds that a goal stays in the table of all actions after its end."""
+_TENTHS = 10.0
+"""Seconds up to which tenths of a second are shown."""
 _WIDE = 120
 """Columns of a terminal that has room for whole ids beside the names of actions."""
 _SHORT = 8
@@ -242,7 +244,8 @@ def _held(holds: Sequence[Hold]) -> str:
 
 
 def _seconds(seconds: float) -> str:
-    return f"{max(0.0, seconds):.0f} s"
+    seconds = max(0.0, seconds)
+    return f"{seconds:.1f} s" if seconds < _TENTHS else f"{seconds:.0f} s"
 
 
 def _short(fields: Fields) -> str:
