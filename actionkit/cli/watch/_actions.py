@@ -93,6 +93,8 @@ class Actions:
 
     def _update(self, action: Watched, news: Any, at: float) -> None:
         changed, servers = action.board.take(news, at)
+        count = len(action.board.servers)
+        action.most_servers = max(count, action.most_servers) if count else 0
         if not action.type:
             self.look()
         for screen in self.screens:

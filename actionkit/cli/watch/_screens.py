@@ -60,6 +60,7 @@ class Watched:
     board: Board
     type: str = ""  # its type's name; `""` while it is not known
     in_sight: float = 0.0  # when it last had a server, in monotonic seconds
+    most_servers: int = 0  # that it had at a time, since it last had none
     asked_for_feedback: bool = False
     readers: list[StatusReader | TopicReader] = field(default_factory=list)
 
@@ -78,7 +79,7 @@ class Watched:
         return f"{number} of {self._servers(goal)}" if number else ", ".join(self.board.servers)
 
     def _servers(self, goal: WatchedGoal) -> int:
-        return max(len(self.board.servers), goal.server)
+        return max(len(self.board.servers), goal.server, self.most_servers)
 
 
 class Screen:

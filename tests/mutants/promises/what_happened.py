@@ -168,8 +168,8 @@ MUTANTS = (
         "C6.3",
         "a refused cancel is told as an agreement",
         "_recordings/bag_goals.py",
-        "                if goal.goal_id in agreed:\n",
-        "                if not data[place]:\n",
+        "            if stamp is not None:\n                said = ",
+        "            if not data[place]:\n                said = ",
         ("recordings/test_bags.py::test_a_recording_with_service_events_tells_all",),
     ),
     Mutant(
