@@ -111,7 +111,7 @@ class _Goal:
 
 @dataclass
 class _Request:
-    """A request to a service of the action, of which client and servers may tell."""
+    """A request to a service of the action. Its client and the servers may each tell of it."""
 
     goal_id: bytes
     to_cancel: list[_Goal]  # the goals that it asks to cancel

@@ -225,6 +225,6 @@ def test_watch_draws_a_table_of_all_actions(world, terminal) -> None:
     shown.until("/never_finishes")
     shown.until("EXECUTING")
     shown.until("last change  server")
-    assert re.search(r"/never_finishes +[0-9a-f]{8} +EXECUTING +\d+ s +\d+ s ago", shown.text)
+    assert re.search(r"/never_finishes +[0-9a-f]{8} +EXECUTING +[\d.]+ s +[\d.]+ s ago", shown.text)
     shown.press(CTRL_C)
     assert shown.finish() == Exit.INTERRUPTED

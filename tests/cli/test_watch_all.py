@@ -95,11 +95,11 @@ def test_an_action_whose_type_is_not_here_is_named_and_watched(world: World) -> 
     assert end(watching).count("No feedback of /fibonacci") == 1
 
 
-def test_a_goal_of_two_servers_is_two_goals(world: World) -> None:
-    server = world.server("twins", gate=1)
-    watching = world.start("watch", "--json")
+def test_a_goal_of_two_servers_is_two_goals(empty_world: World) -> None:
+    server = empty_world.server("twins", gate=1)
+    watching = empty_world.start("watch", "--json")
     watching.until('","/reference_server')  # both
-    call = world.start("call", "twins", FIBONACCI, "{order: 1}")
+    call = empty_world.start("call", "twins", FIBONACCI, "{order: 1}")
     call.until("Goal accepted")
     watching.until('"server":1')
     watching.until('"server":2')
