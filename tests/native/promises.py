@@ -31,6 +31,10 @@ PROMISES: dict[str, tuple[str, ...]] = {
         "client/test_attach.py::test_everything_is_cancelled_also_what_others_have_sent",
         "client/test_attach.py::test_what_refuses_is_told_and_followed_no_more",
     ),
+    "Goals of a recording, afterwards": (
+        "recordings/test_real.py::test_a_recording_tells_what_happened_to_each_goal",
+        "recordings/test_real.py::test_a_goal_that_two_servers_have_is_two_goals",
+    ),
     "Many goals at once": (
         "client/test_many.py::test_500_goals_at_once_from_8_threads",
         "client/test_many.py::test_clients_of_one_process_share_the_queue_of_the_server",

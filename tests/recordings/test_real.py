@@ -13,38 +13,41 @@ from tests.client.test_two_servers import sees
 from tests.recordings import bags
 from tests.recordings.recorder import recording
 
-LONG = {"feedback": 1000, "period": 0.05}
-SCRIPT = [[{"feedback": 3, "period": 0.05}], [{"feedback": 2}, {"abort": [1]}], [LONG]]
+S = GoalState
+NAMES = ("/arm", "/gripper", "/base")
 
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 def test_a_recording_tells_what_happened_to_each_goal(
     storage: StoragePlugin, ros_domain, action_server, make_client, tmp_path: Path
 ) -> None:
-    action_server("scripted", script=SCRIPT)
     action_server("fibonacci", action_name="arm", period=0.02)
-    with recording(ros_domain, "/fibonacci", "/arm") as recorder:
-        client, arm = make_client(), make_client(name="arm")
+    action_server("aborts", action_name="gripper")
+    action_server("never_finishes", action_name="base")
+    with recording(ros_domain, *NAMES) as recorder:
+        arm, gripper, base = (make_client(name=name) for name in NAMES)
         recorder.sees(1)
-        ended = [client.call_async({"order": order}, timeout=30).outcome() for order in (1, 2)]
-        long = client.call_async({"order": 3}, timeout=60)
+        long = base.call_async({"order": 9}, timeout=60)
         assert long.wait_accepted(20)
-        ended.append(arm.call_async({"order": 3}, timeout=30).outcome())
+        ended = [client.call_async({"order": 4}, timeout=30).outcome() for client in (arm, gripper)]
         long.cancel()
-        ended.insert(2, long.outcome(30))
-        recorder.has_ends(4)
+        ended.insert(0, long.outcome(30))
+        recorder.has_ends(3)
     goals = ak.read_goals(bags.folder(tmp_path / "bag", recorder.messages, storage))
     said = [(goal.goal_id, goal.state) for goal in goals]
     assert said == [(outcome.goal_id, outcome.state) for outcome in ended]
-    assert [goal.action_name for goal in goals] == ["/fibonacci"] * 3 + ["/arm"]
-    states = [event.state for event in goals[2].timeline if event.state is not GoalState.FEEDBACK]
-    assert states == [S for S in GoalState if S in states]  # no state comes back
-    assert {GoalState.ACCEPTED, GoalState.CANCELED} <= set(states)
-    feedback = [event for event in goals[0].timeline if event.state is GoalState.FEEDBACK]
-    assert [event.detail for event in feedback] == ["#1", "#3"]  # the first and the last
-    assert goals[3].ended
-    assert goals[2].ended
-    assert goals[3].ended < goals[2].ended
+    assert [goal.state for goal in goals] == [S.CANCELED, S.SUCCEEDED, S.ABORTED]
+    assert [goal.action_name for goal in goals] == ["/base", "/arm", "/gripper"]
+    cancelled, succeeded, _ = goals
+    states = [event.state for event in cancelled.timeline if event.state is not S.FEEDBACK]
+    assert states == [state for state in S if state in states]  # no state comes back
+    assert {S.ACCEPTED, S.CANCELED} <= set(states)
+    feedback = [event for event in succeeded.timeline if event.state is S.FEEDBACK]
+    assert feedback[0].detail == "#1"
+    assert len(feedback) == 2  # the first and the last
+    assert cancelled.ended
+    assert succeeded.ended
+    assert succeeded.ended < cancelled.ended
 
 
 def test_a_goal_that_two_servers_have_is_two_goals(
@@ -66,4 +69,4 @@ def test_a_goal_that_two_servers_have_is_two_goals(
     assert {goal.goal_id for goal in goals} == {future.goal_id}
     by_server = {goal.server: goal.state for goal in goals}
     assert sorted(by_server) == [1, 2]
-    assert sorted(by_server.values()) == [GoalState.CANCELED, GoalState.SUCCEEDED]
+    assert sorted(by_server.values()) == [S.CANCELED, S.SUCCEEDED]
